@@ -1,0 +1,52 @@
+"""The errors that the arena raises on purpose, and what each means to the command line.
+
+ArenaError                  exit 1: the arena says no
+└── InputError              exit 2: wrong usage or input
+    ├── UnknownNameError    a name that is not there; carries the nearest known one
+    ├── RulesetError        a ruleset that cannot be played
+    ├── BoardError          a board that cannot be played
+    ├── PolicyError         a bot file, or a policy, that cannot be loaded
+    └── JournalError        a journal that cannot be read as one
+"""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class ArenaError(Exception):
+    """Base of every error that a user may see; its text is one clear sentence."""
+
+    exit_code = 1
+
+
+class InputError(ArenaError):
+    """The caller named, wrote or passed something wrong; nothing was changed."""
+
+    exit_code = 2
+
+
+class UnknownNameError(InputError):
+    """A name that is not among the known ones."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        names = sorted(known)
+        nearest = get_close_matches(name, names, n=1, cutoff=0.5)
+        hint = f"did you mean {nearest[0]!r}?" if nearest else f"known: {', '.join(names)}"
+        super().__init__(f"unknown {kind} {name!r}; {hint}")
+        self.kind, self.name = kind, name
+
+
+class RulesetError(InputError):
+    """A ruleset holds a value that no game can be played with."""
+
+
+class BoardError(InputError):
+    """A board cannot be read, drawn or played on."""
+
+
+class PolicyError(InputError):
+    """A bot file or a policy cannot be loaded."""
+
+
+class JournalError(InputError):
+    """A journal is truncated, or was changed."""

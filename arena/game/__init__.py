@@ -1,0 +1,1 @@
+"""The game: pure rules, no clock, no I/O."""

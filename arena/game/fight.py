@@ -1,0 +1,133 @@
+"""Fight and judge: all fights on the same positions, then the fallen are removed, then the end is called."""
+
+from typing import Any
+
+import numpy as np
+
+from arena.game.philox import Purpose, philox
+from arena.game.state import Fact, Rule, Trait
+from arena.game.types import Ending
+from arena.jit import jit
+
+_HALF = np.uint64(32)
+FLAG_SCORE = 100
+UNIT_SCORE = 10
+
+
+@jit(inline=True)
+def fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
+    """Remove the units that fall this tick.
+
+    Parameters
+    ----------
+    work
+        int64, shape (4, 32): scratch memory.
+    """
+    if _is_contact(game, shape, state, tables):
+        _fight(game, shape, state, tables, work)
+
+
+@jit(inline=True)
+def _is_contact(game: Any, shape: Any, state: Any, tables: Any) -> Any:
+    """Whether any living walking unit has an enemy in range."""
+    _, blue, blue_walkers, _, red_walkers = shape
+    contact = False
+    for one in range(blue_walkers):
+        here = np.int64(state.cell[game, one])
+        for other in range(blue, blue + red_walkers):
+            reach = max(tables.unit[one, Trait.REACH], tables.unit[other, Trait.REACH])
+            near = _squared(tables, here, np.int64(state.cell[game, other])) <= reach
+            contact |= near & (state.alive[game, one] != 0) & (state.alive[game, other] != 0)
+    return contact
+
+
+@jit(inline=True)
+def _squared(tables: Any, one: Any, other: Any) -> Any:
+    """Return the squared Euclidean distance between two cells."""
+    down = tables.place[one, 0] - tables.place[other, 0]
+    right = tables.place[one, 1] - tables.place[other, 1]
+    return down * down + right * right
+
+
+@jit()
+def _fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
+    _, blue, blue_walkers, _, red_walkers = shape
+    tick = state.fact[game, Fact.TICK]
+    falls = work[0]
+    for walker in range(blue_walkers + red_walkers):
+        team = 0 if walker < blue_walkers else 1
+        index = walker - team * blue_walkers
+        unit = index + team * blue
+        falls[walker] = 0
+        if not state.alive[game, unit]:
+            continue
+        here = np.int64(state.cell[game, unit])
+        friends, enemies, is_in_range = 0, 0, False
+        for other_walker in range(blue_walkers + red_walkers):
+            other_team = 0 if other_walker < blue_walkers else 1
+            other = other_walker + other_team * (blue - blue_walkers)
+            if not state.alive[game, other]:
+                continue
+            strength = tables.unit[other, Trait.STRENGTH]
+            if other == unit:
+                friends += strength * tables.rule[Rule.SELF_COUNTS]
+            elif _squared(tables, here, np.int64(state.cell[game, other])) <= tables.unit[other, Trait.REACH]:
+                if other_team == team:
+                    friends += strength
+                else:
+                    enemies += strength
+                    is_in_range = True
+        is_home = state.ground[game, here] & 1 == team
+        if not is_in_range:
+            continue
+        if not tables.rule[Rule.RANDOM_COMBAT]:
+            falls[walker] = not is_home
+            continue
+        friends += is_home
+        enemies += not is_home
+        word = philox(state.key[game, Purpose.FIGHT, team], tick, index, Purpose.FIGHT, 0)[0]
+        survives = (word * np.uint64(friends + enemies)) >> _HALF < np.uint64(friends)
+        falls[walker] = not survives
+    for walker in range(blue_walkers + red_walkers):
+        if falls[walker]:
+            team = 0 if walker < blue_walkers else 1
+            state.alive[game, walker + team * (blue - blue_walkers)] = 0
+            state.fact[game, Fact.BLUE_LIVING + team] -= 1
+
+
+@jit(inline=True)
+def judge(game: Any, shape: Any, state: Any, tables: Any) -> None:
+    """Close the tick: count it, score it, and call the end if it has come.
+
+    Source: paper, Eq. 4 and the text under it; what it leaves open, DESIGN section 1.
+    """
+    _, blue, blue_walkers, red, red_walkers = shape
+    state.fact[game, Fact.TICK] += 1
+    blue_captures = _captures(game, state, 0, blue_walkers, state.fact[game, Fact.RED_FLAG])
+    red_captures = _captures(game, state, blue, blue + red_walkers, state.fact[game, Fact.BLUE_FLAG])
+    blue_lost = blue - state.fact[game, Fact.BLUE_LIVING]
+    red_lost = red - state.fact[game, Fact.RED_LIVING]
+    blue_falls = blue_walkers > 0 and blue_lost == blue_walkers
+    red_falls = red_walkers > 0 and red_lost == red_walkers
+    score = min(max(UNIT_SCORE * (red_lost - blue_lost), -FLAG_SCORE), FLAG_SCORE)
+    ending = Ending.RUNNING
+    if blue_captures or red_captures:
+        ending = Ending.CAPTURE
+        score = FLAG_SCORE * (np.int64(blue_captures) - np.int64(red_captures))
+    elif blue_falls or red_falls:
+        ending = Ending.ELIMINATION
+        score = FLAG_SCORE * (np.int64(red_falls) - np.int64(blue_falls))
+    elif state.fact[game, Fact.TICK] >= tables.rule[Rule.TICK_LIMIT]:
+        ending = Ending.TICK_LIMIT
+    state.fact[game, Fact.SCORE] = score
+    state.fact[game, Fact.ENDING] = ending
+    if ending != Ending.RUNNING:
+        state.fact[game, Fact.WINNER] = 0 if score > 0 else 1 if score < 0 else -1
+
+
+@jit(inline=True)
+def _captures(game: Any, state: Any, first: Any, last: Any, flag: Any) -> Any:
+    captures = False
+    for unit in range(first, last):
+        captures |= (state.cell[game, unit] == flag) & (state.alive[game, unit] != 0)
+    return captures

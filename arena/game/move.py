@@ -1,0 +1,116 @@
+"""Move at once: every unit names a target, conflicts are settled, nobody goes first.
+
+The short way to see it: if all targets of walking units differ and no two of them would swap, every order succeeds, chains and
+rotations included. Only where that fails are conflicts settled one by one.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from arena.game.philox import Purpose, philox
+from arena.game.state import Fact, Trait
+from arena.game.types import Code
+from arena.jit import jit
+
+AT, WANT, STAYS, WORD = 0, 1, 2, 3
+"""Rows of the scratch memory: one column per walking unit, blue's first."""
+_NOWHERE = -1000
+
+
+@jit(inline=True)
+def move(game: Any, shape: Any, state: Any, orders: Any, tables: Any, work: Any) -> None:
+    """Move all living units of one game.
+
+    Parameters
+    ----------
+    orders
+        int8, shape (n, units): an `Action` each; any other number means to stay.
+    work
+        int64, shape (4, 32): scratch memory.
+    """
+    _, blue, blue_walkers, red, red_walkers = shape
+    walkers = blue_walkers + red_walkers
+    for walker in range(walkers):
+        unit = walker if walker < blue_walkers else blue + walker - blue_walkers
+        action = np.int64(orders[game, unit])
+        at = np.int64(state.cell[game, unit])
+        want = at
+        if 0 < action <= 4 and tables.unit[unit, Trait.STEP] > 0:
+            next_cell = np.int64(tables.neighbour[action, at])
+            if state.ground[game, next_cell] != Code.OBSTACLE:
+                want = next_cell
+        if not state.alive[game, unit]:
+            at = want = _NOWHERE - walker
+        work[AT, walker] = at
+        work[WANT, walker] = want
+    if _is_contested(work, walkers):
+        _settle(game, shape, state, work)
+    for walker in range(walkers):
+        unit = walker if walker < blue_walkers else blue + walker - blue_walkers
+        if state.alive[game, unit]:
+            state.cell[game, unit] = work[WANT, walker]
+    for unit in range(blue_walkers, blue):
+        _fly(game, unit, state, orders, tables)
+    for unit in range(blue + red_walkers, blue + red):
+        _fly(game, unit, state, orders, tables)
+
+
+@jit(inline=True)
+def _fly(game: Any, unit: Any, state: Any, orders: Any, tables: Any) -> None:
+    action = np.int64(orders[game, unit])
+    if 0 < action <= 4 and state.alive[game, unit]:
+        cell = np.int64(state.cell[game, unit])
+        for _ in range(tables.unit[unit, Trait.STEP]):
+            cell = np.int64(tables.neighbour[action, cell])
+        state.cell[game, unit] = cell
+
+
+@jit(inline=True)
+def _is_contested(work: Any, walkers: Any) -> Any:
+    """Whether two walking units want one cell, or each other's."""
+    contested = False
+    for one in range(walkers):
+        for other in range(one + 1, walkers):
+            contested |= work[WANT, one] == work[WANT, other]
+            contested |= (work[WANT, one] == work[AT, other]) & (work[WANT, other] == work[AT, one])
+    return contested
+
+
+@jit()
+def _settle(game: Any, shape: Any, state: Any, work: Any) -> None:
+    """Make units stay until nothing changes. The result does not depend on the order in which they are looked at."""
+    _, _, blue_walkers, _, red_walkers = shape
+    walkers = blue_walkers + red_walkers
+    tick = state.fact[game, Fact.TICK]
+    for walker in range(walkers):
+        team = 0 if walker < blue_walkers else 1
+        index = walker - team * blue_walkers
+        work[STAYS, walker] = work[WANT, walker] == work[AT, walker]
+        work[WORD, walker] = np.int64(philox(state.key[game, Purpose.MOVE, team], tick, index, Purpose.MOVE, 0)[0])
+    changed = True
+    while changed:
+        changed = False
+        for walker in range(walkers):
+            if work[STAYS, walker]:
+                continue
+            for other in range(walkers):
+                if other == walker:
+                    continue
+                held = work[AT, other] == work[WANT, walker]
+                is_blocked = held and (work[STAYS, other] or work[WANT, other] == work[AT, walker])
+                loses = (
+                    not work[STAYS, other]
+                    and work[WANT, other] == work[WANT, walker]
+                    and (
+                        work[WORD, other] > work[WORD, walker]
+                        or (work[WORD, other] == work[WORD, walker] and other < walker)
+                    )
+                )
+                if is_blocked or loses:
+                    work[STAYS, walker] = 1
+                    changed = True
+                    break
+    for walker in range(walkers):
+        if work[STAYS, walker]:
+            work[WANT, walker] = work[AT, walker]

@@ -1,0 +1,167 @@
+"""The memory of a batch of games: arrays with a leading batch axis, and the tables that one ruleset gives to its kernels.
+
+Cells are numbered row * side + column. Units are numbered blue first, within a team those that walk before those that
+fly. Nothing here knows a rule.
+"""
+
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arena.game.ruleset import Ruleset
+from arena.game.types import STEPS, Team
+
+WORD = 64
+"""Cells in one word of a set of cells."""
+
+
+class Fact(IntEnum):
+    """Columns of `State.fact`."""
+
+    TICK = 0
+    ENDING = 1
+    WINNER = 2
+    """A `Team`, or -1."""
+    SCORE = 3
+    """Blue's; red's is its negative."""
+    BLUE_FLAG = 4
+    """Cell."""
+    RED_FLAG = 5
+    BLUE_LIVING = 6
+    RED_LIVING = 7
+    EPISODE = 8
+    """Games that this row has held before, where finished games are drawn anew."""
+
+
+class State(NamedTuple):
+    """The true state of `n` games."""
+
+    ground: NDArray[np.int8]
+    """Shape (n, stride): the code of what lies on each cell, units apart; zero past the last cell."""
+    cell: NDArray[np.int16]
+    """Shape (n, units): where each unit stands, or fell."""
+    alive: NDArray[np.uint8]
+    """Shape (n, units)."""
+    fact: NDArray[np.int32]
+    """Shape (n, len(Fact))."""
+    key: NDArray[np.uint32]
+    """Shape (n, 2 purposes, 2 teams, 2): Philox keys of each team's moves, and of its fights."""
+    stream: NDArray[np.uint32]
+    """Shape (n, 2): Philox key from which a row that is drawn anew takes the keys of its next game."""
+
+
+class Rule(IntEnum):
+    """Entries of `Tables.rule`."""
+
+    SIDE = 0
+    BLUE_UNITS = 1
+    BLUE_WALKERS = 2
+    RED_UNITS = 3
+    RED_WALKERS = 4
+    TICK_LIMIT = 5
+    FOG = 6
+    RANDOM_COMBAT = 7
+    SELF_COUNTS = 8
+    OBSTACLES = 9
+    MIRROR = 10
+    BACK_THIRD = 11
+
+
+class Trait(IntEnum):
+    """Columns of `Tables.unit`."""
+
+    TYPE = 0
+    STEP = 1
+    REACH = 2
+    """Greatest squared distance, in cells, at which it hits; -1 for none."""
+    STRENGTH = 3
+    FLIES = 4
+
+
+class Tables(NamedTuple):
+    """What the kernels know of a ruleset."""
+
+    rule: NDArray[np.int64]
+    """Shape (len(Rule),)."""
+    unit: NDArray[np.int64]
+    """Shape (units, len(Trait))."""
+    neighbour: NDArray[np.int16]
+    """Shape (actions, cells): the cell one step away, or the cell itself at the border."""
+    place: NDArray[np.int64]
+    """Shape (cells, 2): row and column of each cell."""
+    disc: NDArray[np.uint64]
+    """Shape (unit types, cells + 1, words): the cells in sight of each cell, as a set; the last is empty, for the fallen."""
+    half: NDArray[np.uint64]
+    """Shape (2 sides, 2 depths): the columns of the left and of the right half, and of the third of it next to the border."""
+
+
+def n_words(side: int) -> int:
+    """Return how many words a set of a board's cells takes."""
+    return -(-side * side // WORD)
+
+
+def make_state(ruleset: Ruleset, n_games: int) -> State:
+    """Return zeroed memory for `n_games` games."""
+    n_units = len(ruleset.team(Team.BLUE)) + len(ruleset.team(Team.RED))
+    return State(
+        ground=np.zeros((n_games, n_words(ruleset.side) * WORD), np.int8),
+        cell=np.zeros((n_games, n_units), np.int16),
+        alive=np.zeros((n_games, n_units), np.uint8),
+        fact=np.zeros((n_games, len(Fact)), np.int32),
+        key=np.zeros((n_games, 2, 2, 2), np.uint32),
+        stream=np.zeros((n_games, 2), np.uint32),
+    )
+
+
+def make_tables(ruleset: Ruleset) -> Tables:
+    """Return the tables of a ruleset."""
+    side = ruleset.side
+    teams = [ruleset.team(team) for team in Team]
+    walkers = [sum(not unit.flies for unit in team) for team in teams]
+    rule = np.zeros(len(Rule), np.int64)
+    rule[: len(Rule)] = [
+        side, len(teams[0]), walkers[0], len(teams[1]), walkers[1], ruleset.tick_limit, ruleset.fog, ruleset.random_combat,
+        ruleset.self_counts, ruleset.obstacles, ruleset.mirror, ruleset.flag_in_back_third,
+    ]  # fmt: skip
+    units = [*teams[0], *teams[1]]
+    traits = np.zeros((len(units), len(Trait)), np.int64)
+    for row, unit in zip(traits, units, strict=True):
+        reach = unit.attack**2 if ruleset.attack_at_range else unit.attack**2 - 1
+        row[:] = ruleset.units.index(unit), unit.step, -1 if unit.flies else reach, unit.strength, unit.flies
+    rows, columns = np.divmod(np.arange(side * side), side)
+    neighbour = np.zeros((len(STEPS), side * side), np.int16)
+    for action, (down, right) in enumerate(STEPS):
+        neighbour[action] = np.clip(rows + down, 0, side - 1) * side + np.clip(columns + right, 0, side - 1)
+    return Tables(
+        rule=rule,
+        unit=traits,
+        neighbour=neighbour,
+        place=np.stack([rows, columns], axis=1).astype(np.int64),
+        disc=_discs(ruleset, rows, columns),
+        half=_halves(side),
+    )
+
+
+def _discs(ruleset: Ruleset, rows: NDArray[Any], columns: NDArray[Any]) -> NDArray[np.uint64]:
+    """Return the set of cells at a Euclidean distance of at most `sight`, for each unit type and cell."""
+    cells = len(rows)
+    words = n_words(ruleset.side)
+    disc = np.zeros((len(ruleset.units), cells + 1, words), np.uint64)
+    squared = (rows[:, None] - rows[None, :]) ** 2 + (columns[:, None] - columns[None, :]) ** 2
+    bits = np.zeros((cells, words * WORD), np.uint8)
+    for kind, unit in enumerate(ruleset.units):
+        bits[:, :cells] = squared <= unit.sight**2
+        disc[kind, :cells] = np.packbits(bits, axis=1, bitorder="little").view(np.uint64)
+    return disc
+
+
+def _halves(side: int) -> NDArray[np.uint64]:
+    """Return the columns of each half, and of its back third, as bits of a row."""
+    half, third = side // 2, max(1, side // 6)
+
+    def span(first: int, last: int) -> int:
+        return sum(1 << column for column in range(first, last))
+
+    return np.array([[span(0, half), span(0, third)], [span(half, side), span(side - third, side)]], np.uint64)

@@ -1,0 +1,60 @@
+"""Compile a kernel with numba, and cache it under a key that notices every change.
+
+numba's own cache looks at the file of the function alone, so a change in a jitted function of another
+module would go unnoticed. Here the folder is named after a hash of all sources that a kernel may reach:
+the rules of the game, and the kernels of the package that it stands in.
+"""
+
+import hashlib
+import os
+from collections.abc import Callable
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+import numba
+from numba import config
+from platformdirs import user_cache_path
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+@cache
+def _cache_folder(package: str) -> str:
+    digest = hashlib.sha256()
+    for name in sorted({"arena", package}):
+        spec = find_spec(name)
+        for place in (spec.submodule_search_locations if spec else None) or ():
+            for source in sorted(Path(place).rglob("*.py")):
+                text = source.read_bytes()
+                if source.parent.name == "game" or b"import jit" in text:
+                    digest.update(source.name.encode() + b"\0" + text)
+    root = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("arena") / "kernels")
+    return str(root / digest.hexdigest()[:16])
+
+
+def jit(*, inline: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Compile without the GIL, without Python objects and without numba's runtime: a kernel that allocates does not compile.
+
+    Leaving the runtime out also spares the counting of references, which took most of a tick.
+
+    Parameters
+    ----------
+    inline
+        Make the function part of each caller, so that arguments that are constants there are constants here.
+    """
+
+    def compile_(function: Callable[P, R]) -> Callable[P, R]:
+        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
+        if inline:
+            return numba.njit(forceinline=True, **options)(function)  # type: ignore[no-any-return]
+        before = config.CACHE_DIR
+        config.CACHE_DIR = _cache_folder(function.__module__.partition(".")[0])
+        try:
+            return numba.njit(cache=True, **options)(function)  # type: ignore[no-any-return]
+        finally:
+            config.CACHE_DIR = before
+
+    return compile_

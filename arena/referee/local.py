@@ -1,0 +1,203 @@
+"""The local venue: both policies in this process, many matches in one batch, batches on all cores.
+
+Matches of one pairing fill the rows of a batch; a row whose match has ended takes the next one, so a batch stays full. Nothing
+that a match is made of depends on its row, on the batch or on the process: its journal is the same however it is run.
+"""
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+
+from arena.errors import ArenaError
+from arena.game.keys import MatchKeys
+from arena.games import Games
+from arena.game.ruleset import Ruleset
+from arena.game.types import Team
+from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
+from arena.referee.journal import Header, Mark, link, save_journal, write_ending, write_start
+from arena.referee.replay import match_result
+
+ROWS = 512
+"""Matches in a batch: enough to make the cost of a tick in Python small beside that of the games."""
+MATCHES_PER_TASK = 1024
+Load = Callable[[str], BatchFactory]
+"""Makes a fighter from its name; a plain function, so that it can be sent to another process."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MatchPlan:
+    """A match to be played."""
+
+    identity: str
+    blue: str
+    """What `Load` makes blue's fighter from, and its name in the journal."""
+    red: str
+    keys: MatchKeys
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MatchRecord:
+    """A match that was played."""
+
+    plan: MatchPlan
+    result: MatchResult
+    """`score` is blue's."""
+    faults: tuple[Faults, Faults]
+    journal: bytes | None
+    """The canonical journal, unless it was written to a folder."""
+
+
+def play(
+    ruleset: Ruleset,
+    plans: Sequence[MatchPlan],
+    load: Load,
+    *,
+    journals: Path | None = None,
+    n_workers: int | None = None,
+) -> Iterator[MatchRecord]:
+    """Play matches and yield each as it ends, in no promised order.
+
+    Parameters
+    ----------
+    journals
+        Folder to write each match's journal into; without it, records carry them.
+    n_workers
+        Processes; by default one per core that this process may use, as far as there is work for them.
+    """
+    if journals is not None:
+        journals.mkdir(parents=True, exist_ok=True)
+    tasks = list(_split(plans))
+    n_workers = min(n_workers or len(os.sched_getaffinity(0)), len(tasks))
+    if n_workers <= 1:
+        for task in tasks:
+            yield from _play_task(ruleset, task, load, journals)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(n_workers, mp_context=context) as pool:
+        running = [pool.submit(_play_whole_task, ruleset, task, load, journals) for task in tasks]
+        try:
+            for done in as_completed(running):
+                yield from done.result()
+        except BrokenProcessPool as error:
+            raise ArenaError("a worker died: a fighter ended its process, or the machine ran out of memory") from error
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _split(plans: Sequence[MatchPlan]) -> Iterator[list[MatchPlan]]:
+    """Cut plans into tasks of one pairing each, evenly."""
+
+    def pairing(plan: MatchPlan) -> tuple[str, str]:
+        return plan.blue, plan.red
+
+    for _, group in groupby(sorted(plans, key=pairing), key=pairing):
+        whole = list(group)
+        n_tasks = -(-len(whole) // MATCHES_PER_TASK)
+        for task in range(n_tasks):
+            yield whole[task::n_tasks]
+
+
+def _play_whole_task(ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None) -> list[MatchRecord]:
+    return list(_play_task(ruleset, plans, load, journals))
+
+
+def _play_task(ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None) -> Iterator[MatchRecord]:
+    for record in play_batch(ruleset, plans, load(plans[0].blue), load(plans[0].red)):
+        if journals is None:
+            yield record
+        else:
+            save_journal(journals, record.plan.identity, record.journal or b"")
+            yield replace(record, journal=None)
+
+
+def play_batch(
+    ruleset: Ruleset, plans: Iterable[MatchPlan], blue: BatchFactory, red: BatchFactory, rows: int = ROWS
+) -> Iterator[MatchRecord]:
+    """Play matches of one pairing in this thread, `rows` at a time."""
+    waiting = list(plans)[::-1]
+    batch = _Batch(ruleset, min(rows, len(waiting)), blue, red)
+    batch.start(range(batch.n_rows), [waiting.pop() for _ in range(batch.n_rows)])
+    while batch.running:
+        free = []
+        for row, record in batch.play_tick():
+            yield record
+            free.append(row)
+        refill = free[: len(waiting)]
+        batch.start(refill, [waiting.pop() for _ in refill])
+
+
+class _Batch:
+    """Rows of running matches, their fighters, and their journals so far."""
+
+    def __init__(self, ruleset: Ruleset, n_rows: int, blue: BatchFactory, red: BatchFactory) -> None:
+        self.n_rows = n_rows
+        self.running: dict[int, MatchPlan] = {}
+        self._ruleset = ruleset
+        self._games = Games(ruleset, n_rows)
+        self._fighters: dict[Team, BatchPolicy] = {
+            team: make(ruleset, team, n_rows) for team, make in zip(Team, (blue, red), strict=True)
+        }
+        sizes = self._games.n_units
+        self._n_orders = sum(sizes.values())
+        self._orders = {team: np.zeros((n_rows, sizes[team]), np.int8) for team in Team}
+        self._chains = [b""] * n_rows
+        self._pieces: list[list[bytes]] = [[] for _ in range(n_rows)]
+
+    def start(self, rows: Sequence[int], plans: Sequence[MatchPlan]) -> None:
+        """Begin new matches in free rows."""
+        if not rows:
+            return
+        self._games.start(rows, [plan.keys for plan in plans])
+        states = self._games.digestible()
+        for row, plan in zip(rows, plans, strict=True):
+            header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
+            data, chain = write_start(header, self._games.state.ground[row].tobytes(), states[row].tobytes())
+            self._pieces[row], self._chains[row] = [data], chain
+            self.running[row] = plan
+        for fighter in self._fighters.values():
+            fighter.start(np.asarray(rows, np.intp))
+
+    def play_tick(self) -> list[tuple[int, MatchRecord]]:
+        """Play one tick of every running match; return the rows whose match ended, with its record."""
+        seen = self._games.observe()
+        for team, fighter in self._fighters.items():
+            self._orders[team][:] = 0
+            fighter.act(seen[team], self._orders[team])
+        orders = np.concatenate([self._orders[team] for team in Team], axis=1)
+        unreadable = [(self._orders[team] < 0).any(axis=1) for team in Team]
+        marks = np.stack(unreadable, axis=1).astype(np.uint8) * np.uint8(Mark.UNREADABLE)
+        np.maximum(orders, 0, out=orders)
+        self._games.step(orders)
+        self._write(orders, marks)
+        return [(row, self._finish(row)) for row in np.flatnonzero(self._games.is_over).tolist() if row in self.running]
+
+    def _write(self, orders: np.ndarray, marks: np.ndarray) -> None:
+        """Add the tick to every running match's journal. This loop is the venue's cost per match: what it does, it does once."""
+        tag = np.full((self.n_rows, 1), ord("T"), np.uint8)
+        records = np.concatenate([tag, orders.view(np.uint8), marks, self._games.digestible()], axis=1)
+        data, length, n_kept = records.tobytes(), records.shape[1], 1 + self._n_orders + len(Team)
+        chains, pieces = self._chains, self._pieces
+        for row in self.running:
+            record = data[row * length : (row + 1) * length]
+            chains[row] = chain = link(chains[row], record)
+            pieces[row].append(record[:n_kept] + chain)
+
+    def _finish(self, row: int) -> MatchRecord:
+        plan = self.running.pop(row)
+        result = match_result(self._games, row)
+        for team, fighter in self._fighters.items():
+            fighter.end(row, result if team is Team.BLUE else replace(result, score=-result.score))
+        self._pieces[row].append(write_ending(self._chains[row], result))
+        return MatchRecord(
+            plan=plan,
+            result=result,
+            faults=(self._fighters[Team.BLUE].take_faults(row), self._fighters[Team.RED].take_faults(row)),
+            journal=b"".join(self._pieces[row]),
+        )

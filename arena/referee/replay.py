@@ -1,0 +1,74 @@
+"""Play a journal again, tick by tick, and compare every state with the chain."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from arena.errors import ArenaError
+from arena.games import Games
+from arena.game.state import Fact
+from arena.game.types import Ending, Team
+from arena.policy import MatchResult
+from arena.referee.journal import CHAIN_BYTES, Journal, write_ending, write_start, write_tick
+
+
+class BrokenChainError(ArenaError):
+    """A journal does not say what its match was; `tick` is the first at which it differs, 0 for the start."""
+
+    def __init__(self, tick: int, what: str) -> None:
+        super().__init__(f"the journal does not verify: {what}")
+        self.tick = tick
+
+
+def match_result(games: Games, game: int) -> MatchResult:
+    """Return how a finished game ended; `score` is blue's."""
+    fact = games.state.fact[game]
+    winner = int(fact[Fact.WINNER])
+    return MatchResult(
+        ending=Ending(int(fact[Fact.ENDING])),
+        winner=None if winner < 0 else Team(winner),
+        score=int(fact[Fact.SCORE]),
+        ticks=int(fact[Fact.TICK]),
+    )
+
+
+def replay(journal: Journal) -> Iterator[Games]:
+    """Yield the one game of a journal at its start and after every tick; the same object each time, moved on.
+
+    Raises
+    ------
+    BrokenChainError
+        A state differs from what the journal says, or the match does not end as it says.
+    """
+    games = Games(journal.header.ruleset, 1)
+    games.start([0], [journal.header.keys])
+    _, chain = write_start(journal.header, games.state.ground[0].tobytes(), games.digestible()[0].tobytes())
+    if chain != journal.start_chain:
+        raise BrokenChainError(0, "its header was changed, or its board")
+    yield games
+    for number, tick in enumerate(journal.ticks, start=1):
+        if games.is_over[0]:
+            raise BrokenChainError(number, f"the match was over after tick {number - 1}, and it goes on")
+        games.step(np.frombuffer(tick.orders, np.int8)[None])
+        _, chain = write_tick(chain, tick.orders, bytes(tick.marks), games.digestible()[0].tobytes())
+        if chain != tick.chain:
+            raise BrokenChainError(number, f"at tick {number} its orders or its state were changed")
+        yield games
+    _check_ending(journal, games, chain)
+
+
+def _check_ending(journal: Journal, games: Games, chain: bytes) -> None:
+    n_ticks = len(journal.ticks)
+    if journal.ending is None:
+        raise BrokenChainError(n_ticks, f"the match is unfinished: it stops after tick {n_ticks}, without an ending")
+    if not games.is_over[0]:
+        raise BrokenChainError(n_ticks, f"it claims an ending at tick {n_ticks}, and the match goes on there")
+    result = match_result(games, 0)
+    record = write_ending(chain, result)
+    if journal.ending != result or journal.ending_chain != record[-CHAIN_BYTES:]:
+        raise BrokenChainError(n_ticks, f"its ending was changed: the match ended by {result.ending.name.lower()}")
+
+
+def verify(journal: Journal) -> int:
+    """Play a whole journal again and return its ticks; raises as `replay` does."""
+    return sum(1 for _ in replay(journal)) - 1

@@ -1,0 +1,1 @@
+"""Programs that carry a policy, or a person, to the pit."""

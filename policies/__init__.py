@@ -1,0 +1,1 @@
+"""The fighters, and what makes them. `policies.registry` knows them by name."""

@@ -1,0 +1,23 @@
+"""The sub-command of the fighters: `arena policies`."""
+
+from glob import escape, glob
+
+from arena.cli import AsJson, print_json, print_table
+
+
+def complete_policy(incomplete: str) -> list[str]:
+    """Return the fighters, and the bot files, that begin like `incomplete`, for the shell."""
+    from policies.registry import names
+
+    return [name for name in names() if name.startswith(incomplete)] + sorted(glob(f"{escape(incomplete)}*.py"))  # noqa: PTH207
+
+
+def policies(as_json: AsJson = False) -> None:
+    """List the fighters, and what each is up to."""
+    from policies.registry import names, plan
+
+    plans = {name: plan(name) for name in names()}
+    if as_json:
+        print_json([{"name": name, "plan": text} for name, text in plans.items()])
+    else:
+        print_table(("name", "plan"), plans.items())

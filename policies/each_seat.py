@@ -1,0 +1,106 @@
+"""Play a bot, which thinks about one seat at a time, wherever a `BatchPolicy` is wanted."""
+
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import arena.policy
+from arena.game.ruleset import Ruleset
+from arena.game.types import Team
+from arena.observation import Observation, Observations
+from arena.policy import Act, BatchPolicy, Faults, MatchInfo, MatchResult, Orders, read_actions
+
+MakeBot = Callable[[], Any]
+"""Makes a bot for one seat of one match: anything with `act`, and if it likes `start` and `end`."""
+UNREADABLE = -1
+"""Written into all orders of a seat that gave none: its units stay, and the referee counts it."""
+_OURS = {__file__, arena.policy.__file__}
+_MOST_FRAMES, _MOST_LETTERS = 20, 4000
+
+
+class EachSeat(BatchPolicy):
+    """One bot per seat and match. What a bot raises, or gives instead of orders, costs its own seat alone.
+
+    `sys.exit` counts as raising: a bot may end its own thinking, not the match.
+    """
+
+    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, make: MakeBot) -> None:
+        super().__init__(ruleset, team, n_seats)
+        self._make = make
+        self._bots: list[Any] = [None] * n_seats
+        self._faults = [Faults() for _ in range(n_seats)]
+        self._is_started = np.zeros(n_seats, np.bool_)
+
+    def start(self, seats: NDArray[np.intp]) -> None:
+        """Make a fresh bot for each of `seats`, and tell it where it plays."""
+        for seat in np.arange(self.n_seats)[seats].tolist():
+            self._is_started[seat] = True
+            self._faults[seat] = Faults()
+            self._bots[seat] = self._ask(seat, self._make)
+            self._tell(seat, "start", MatchInfo(ruleset=self.ruleset, team=self.team))
+
+    def act(self, observations: Observations, orders: Orders) -> None:
+        """Ask each bot; a seat without a readable answer gets UNREADABLE."""
+        self.start(np.flatnonzero(~self._is_started))
+        for seat in range(len(observations)):
+            actions = self._ask(seat, self._actions, seat, observations.seat(seat, self.ruleset), orders.shape[1])
+            orders[seat] = UNREADABLE if actions is None else actions
+
+    def end(self, seat: int, result: MatchResult) -> None:
+        """Tell the bot of `seat`, and let it go."""
+        self._tell(seat, "end", result)
+        self._bots[seat] = None
+        self._is_started[seat] = False
+
+    def take_faults(self, seat: int) -> Faults:
+        """Return what went wrong on `seat` since its match began, and forget it."""
+        faults, self._faults[seat] = self._faults[seat], Faults()
+        return faults
+
+    def _actions(self, seat: int, observation: Observation, n_units: int) -> NDArray[np.int8] | None:
+        bot = self._bots[seat]
+        if bot is None:  # its constructor raised, which was shown then
+            self._faults[seat].raised += 1
+            return None
+        actions = read_actions(bot.act(observation), n_units)
+        self._faults[seat].illegal += actions is None
+        return actions
+
+    def _tell(self, seat: int, event: str, message: MatchInfo | MatchResult) -> None:
+        if hasattr(self._bots[seat], event):
+            self._ask(seat, getattr(self._bots[seat], event), message)
+
+    def _ask(self, seat: int, question: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the answer to a question, or None with the fault noted."""
+        try:
+            return question(*arguments)
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's code may raise anything
+            faults = self._faults[seat]
+            faults.raised += 1
+            if faults.first_traceback is None:
+                faults.first_traceback = _bots_own(error)
+            return None
+
+
+class WithoutMemory:
+    """A plain function as a bot."""
+
+    def __init__(self, act: Act) -> None:
+        self.act = act
+
+
+def each_seat(make: MakeBot) -> Callable[[Ruleset, Team, int], BatchPolicy]:
+    """Return the `BatchFactory` of a bot."""
+    return lambda ruleset, team, n_seats: EachSeat(ruleset, team, n_seats, make=make)
+
+
+def _bots_own(error: BaseException) -> str:
+    """Return the traceback of an error from the first frame that is not ours; no error's text is too long for a journal."""
+    frames = error.__traceback__
+    while frames is not None and frames.tb_frame.f_code.co_filename in _OURS:
+        frames = frames.tb_next
+    text = "".join(traceback.format_exception(type(error), error, frames, limit=-_MOST_FRAMES))
+    return text if len(text) <= _MOST_LETTERS else text[: _MOST_LETTERS // 2] + "\n...\n" + text[-_MOST_LETTERS // 2 :]

@@ -1,0 +1,116 @@
+"""Steps on remembered ground, as kernels: which way is open, and which way leads to a goal."""
+
+from typing import Any
+
+import numpy as np
+
+from arena.game.types import Action, Code
+from arena.jit import jit
+from policies.chance import one_in
+
+STAY, NORTH, EAST, SOUTH, WEST = (int(action) for action in Action)
+_OBSTACLE = int(Code.OBSTACLE)
+_ONE = np.uint64(1)
+_PATIENCE = 32
+"""A detour is given up in one tick of so many: the goal may have moved."""
+
+
+@jit(inline=True)
+def right_of(action: int) -> int:
+    """Return the direction a quarter turn clockwise."""
+    return action % 4 + 1
+
+
+@jit(inline=True)
+def left_of(action: int) -> int:
+    """Return the direction a quarter turn anticlockwise."""
+    return (action + 2) % 4 + 1
+
+
+@jit(inline=True)
+def behind(action: int) -> int:
+    """Return the opposite direction."""
+    return (action + 1) % 4 + 1
+
+
+@jit(inline=True)
+def row_of(row: int, action: int) -> int:
+    """Return the row that one step leads to."""
+    return row + (action == SOUTH) - (action == NORTH)
+
+
+@jit(inline=True)
+def column_of(column: int, action: int) -> int:
+    """Return the column that one step leads to."""
+    return column + (action == EAST) - (action == WEST)
+
+
+@jit(inline=True)
+def is_open(ground: Any, seat: int, side: int, row: int, column: int, action: int, flies: Any) -> bool:
+    """Whether a step stays on the board and, for a unit that walks, off what `ground` shows as an obstacle.
+
+    Parameters
+    ----------
+    ground
+        int8, shape (seats, cells): codes of the ground, HIDDEN where unknown.
+    action
+        A direction; not STAY.
+    """
+    to_row, to_column = row_of(row, action), column_of(column, action)
+    if to_row < 0 or to_row >= side or to_column < 0 or to_column >= side:
+        return False
+    return bool(flies or ground[seat, to_row * side + to_column] != _OBSTACLE)
+
+
+@jit()
+def head_for(
+    ground: Any, seat: int, side: int, row: int, column: int, goal: int, flies: Any, step: int, detour: int, word: Any
+) -> tuple[int, int]:
+    """Return the next step towards a goal, round whatever is in the way.
+
+    Parameters
+    ----------
+    goal
+        A cell. A unit is there when another step would not bring it nearer.
+    detour
+        What this function gave for the unit at its last step; 0 before, and for another goal.
+    word
+        Decides between left and right where nothing else does.
+
+    Returns
+    -------
+    tuple
+        The action, STAY at the goal or where no way is open; and the detour, 0 off obstacles.
+
+    Notes
+    -----
+    A unit that is blocked keeps a hand on the wall until it is no farther from the goal than where it met the wall, and
+    can go on from there: leaving sooner leads back, and would rock it in a pocket for ever. A detour is one number, that
+    distance x 8 + which hand x 4 + (direction - 1).
+    """
+    down, right = goal // side - row, goal % side - column
+    vertical = STAY if abs(down) <= step // 2 else (SOUTH if down > 0 else NORTH)
+    horizontal = STAY if abs(right) <= step // 2 else (EAST if right > 0 else WEST)
+    first, second = (vertical, horizontal) if abs(down) > abs(right) else (horizontal, vertical)
+    if first == STAY:
+        first, second = second, STAY
+    if first == STAY:
+        return STAY, 0
+    distance = abs(down) + abs(right)
+    if detour == 0 or distance <= detour // 8 or one_in(word, _PATIENCE):
+        for action in (first, second):
+            if action != STAY and is_open(ground, seat, side, row, column, action, flies):
+                return action, 0
+    if detour == 0:
+        is_left_hand = int(word & _ONE)
+        detour = distance * 8 + is_left_hand * 4 + (right_of(first) if is_left_hand else left_of(first)) - 1
+    met, is_left_hand, heading = detour // 8, detour // 4 % 2, detour % 4 + 1
+    wall = left_of(heading) if is_left_hand else right_of(heading)
+    if not is_open(ground, seat, side, row, column, wall, flies) and not is_open(ground, seat, side, row, column, heading, True):
+        is_left_hand, heading = 1 - is_left_hand, behind(heading)  # the board ends here: the other way round is shorter
+    action = left_of(heading) if is_left_hand else right_of(heading)
+    for _ in range(4):
+        if is_open(ground, seat, side, row, column, action, flies):
+            return action, met * 8 + is_left_hand * 4 + action - 1
+        action = right_of(action) if is_left_hand else left_of(action)
+    return STAY, 0

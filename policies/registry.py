@@ -1,0 +1,91 @@
+"""Every fighter by its name: our own, those of others through the entry points `arena.policies`, and bot files.
+
+What a worker process is sent is the name; it loads the fighter itself.
+"""
+
+import ast
+from functools import cache
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from importlib.resources import files
+from typing import Any
+
+from arena.errors import PolicyError, UnknownNameError
+from arena.policy import BatchFactory, BatchPolicy
+from policies.bot_file import load_bot
+from policies.each_seat import WithoutMemory, each_seat
+
+GROUP = "arena.policies"
+"""Entry points that name a `BatchPolicy`, a class with `act`, or a function `act(observation)`."""
+OWN = {
+    "random": "policies.heuristics.random:Random",
+    "patrol": "policies.heuristics.patrol:Patrol",
+    "defend": "policies.heuristics.defend:Defend",
+    "roomba": "policies.heuristics.roomba:Roomba",
+    "fighter": "policies.heuristics.fighter:Fighter",
+    "rush": "policies.heuristics.rush:Rush",
+    "spiral": "policies.heuristics.spiral:Spiral",
+}
+"""Our own fighters: module and class."""
+
+
+def load(spec: str) -> BatchFactory:
+    """Return the fighter that `spec` names: one of ours, one that is installed, or a file that ends in .py.
+
+    Raises
+    ------
+    UnknownNameError
+        No fighter has that name.
+    PolicyError
+        The fighter cannot be loaded.
+    """
+    if spec.endswith(".py"):
+        return each_seat(load_bot(spec))
+    if spec in OWN:
+        module, _, name = OWN[spec].partition(":")
+        fighter: type[BatchPolicy] = getattr(import_module(module), name)
+        return fighter
+    if spec in _installed():
+        return _factory(spec, _loaded(_installed()[spec]))
+    raise UnknownNameError("policy", spec, names())
+
+
+def names() -> list[str]:
+    """Return the name of every fighter, our own first."""
+    return [*OWN, *sorted(set(_installed()) - set(OWN))]
+
+
+def plan(name: str) -> str:
+    """Return what a fighter is up to, in a line; nothing is imported for it."""
+    if name in OWN:
+        package, _, module = OWN[name].partition(":")[0].rpartition(".")
+        source = (files(package) / f"{module}.py").read_text(encoding="utf-8")
+        return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0]
+    if name in _installed():
+        giver = _installed()[name].dist
+        return f"from {giver.name} {giver.version}" if giver else f"from {_installed()[name].module}"
+    raise UnknownNameError("policy", name, names())
+
+
+@cache
+def _installed() -> dict[str, EntryPoint]:
+    return {entry.name: entry for entry in entry_points(group=GROUP)}
+
+
+def _loaded(entry: EntryPoint) -> Any:
+    try:
+        return entry.load()
+    except Exception as error:
+        raise PolicyError(f"the policy {entry.name} ({entry.value}) cannot be loaded: {type(error).__name__}: {error}") from error
+
+
+def _factory(name: str, fighter: Any) -> BatchFactory:
+    if isinstance(fighter, type):
+        if issubclass(fighter, BatchPolicy):
+            return fighter
+        if callable(getattr(fighter, "act", None)):
+            return each_seat(fighter)
+    elif callable(fighter):
+        bot = WithoutMemory(fighter)
+        return each_seat(lambda: bot)
+    raise PolicyError(f"the policy {name} is neither a BatchPolicy, nor a class with act, nor a function act(observation)")

@@ -1,0 +1,38 @@
+"""How large the tests are: ARENA_TEST_SIZE=small (default) or full, as `make test-full` sets it."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+SIZES = {"small": 40, "full": 1_000}
+SIZE = os.environ.get("ARENA_TEST_SIZE", "small")
+if SIZE not in SIZES:
+    raise pytest.UsageError(f"ARENA_TEST_SIZE is {SIZE!r}; it must be one of {', '.join(SIZES)}")
+
+# No deadline: the first example of a kernel pays for its compilation.
+for name, max_examples in SIZES.items():
+    settings.register_profile(
+        name, max_examples=max_examples, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
+    )
+settings.load_profile(SIZE)
+
+
+@pytest.fixture(scope="session")
+def size() -> Callable[[int, int], int]:
+    """Choose how many matches a test plays: `size(small, full)`."""
+    return lambda small, full: full if SIZE == "full" else small
+
+
+@pytest.fixture(scope="session")
+def arena() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run the command line as a user does: `arena("rules", "paper")`."""
+
+    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-c", "from arena.cli import main; main()", *map(str, arguments)]
+        return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+
+    return run

@@ -1,0 +1,92 @@
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from arena.errors import PolicyError, UnknownNameError
+from arena.game.ruleset import load as load_ruleset
+from arena.game.types import Team
+from arena.policy import BatchPolicy
+from policies import registry
+from policies.each_seat import EachSeat
+
+
+@pytest.mark.parametrize("name", registry.OWN)
+def test_every_fighter_has_a_plan_in_one_line(name: str) -> None:
+    assert 20 < len(registry.plan(name)) <= 130
+
+
+def test_an_unknown_name_gets_the_nearest() -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown policy 'patroll'; did you mean 'patrol'\?"):
+        registry.load("patroll")
+
+
+def test_a_file_is_a_fighter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    file = tmp_path / "mine.py"
+    file.write_text("def act(observation): return [0] * len(observation.units)")
+
+    assert isinstance(registry.load(str(file))(load_ruleset("paper"), Team.RED, 2), EachSeat)
+
+
+class Stranger(BatchPolicy):
+    def act(self, observations: Any, orders: Any) -> None:
+        orders[:] = 0
+
+
+class OneSeat:
+    def act(self, observation: Any) -> list[int]:
+        return []
+
+
+def act(observation: Any) -> list[int]:
+    return []
+
+
+@pytest.fixture
+def install(monkeypatch: pytest.MonkeyPatch) -> Any:
+    def as_installed(name: str, value: str) -> None:
+        monkeypatch.setitem(sys.modules, "a_stranger", SimpleNamespace(Stranger=Stranger, OneSeat=OneSeat, act=act, NUMBER=5))
+        entry = EntryPoint(name=name, value=value, group=registry.GROUP)
+        monkeypatch.setattr(registry, "_installed", lambda: {name: entry})
+
+    return as_installed
+
+
+@pytest.mark.parametrize("kind", ["Stranger", "OneSeat", "act"])
+def test_an_installed_fighter_of_any_kind_is_known(install: Any, kind: str) -> None:
+    install("stranger", f"a_stranger:{kind}")
+
+    policy = registry.load("stranger")(load_ruleset("paper"), Team.BLUE, 1)
+
+    assert isinstance(policy, BatchPolicy)
+    assert "stranger" in registry.names()
+    assert registry.plan("stranger").startswith("from ")
+
+
+@pytest.mark.parametrize(("value", "says"), [("no_such_module:X", "cannot be loaded"), ("a_stranger:NUMBER", "is neither")])
+def test_an_installed_fighter_that_cannot_play_is_refused(install: Any, value: str, says: str) -> None:
+    install("stranger", value)
+
+    with pytest.raises(PolicyError, match=says):
+        registry.load("stranger")
+
+
+def test_nobody_replaces_a_fighter_of_ours(install: Any) -> None:
+    install("rush", "a_stranger:Stranger")
+
+    assert registry.load("rush") is not Stranger
+
+
+def test_the_registry_and_its_plans_load_nothing_heavy() -> None:
+    code = (
+        "import policies, sys; from policies import registry; [registry.plan(name) for name in registry.names()];"
+        "print([name for name in ('torch', 'zenoh', 'numba') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])
+
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,93 @@
+"""A fixture: all pairs of two entries. A pair is two matches on one map with the sides swapped."""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
+from arena.game.types import Ending, Team
+from arena.policy import Faults
+from arena.referee.local import MatchPlan, MatchRecord
+
+_Z95 = 1.959964
+"""Quantile of the normal distribution for a two-sided interval of 95%."""
+
+
+def plan_fixture(league: str, one: str, other: str, n_pairs: int, secret: bytes) -> list[MatchPlan]:
+    """Return the matches of a fixture, leg by leg: `one` plays blue first, then red on the same map."""
+    fixture = f"{league}/{one}/{other}"
+    plans = []
+    for pair in range(n_pairs):
+        map_key = derive_map_key(secret, fixture, pair)
+        for blue, red in ((one, other), (other, one)):
+            identity = f"{fixture}/{pair:04}/{blue}-blue/0"
+            keys = MatchKeys(map_key=map_key, match_key=derive_match_key(secret, identity))
+            plans.append(MatchPlan(identity=identity, blue=blue, red=red, keys=keys))
+    return plans
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tally:
+    """A fixture as its first entry sees it."""
+
+    wins: int
+    draws: int
+    losses: int
+    score: float
+    """Points per match: 1 for a win, 0.5 for a draw."""
+    score_low: float
+    """Lower end of the 95% interval of `score`, over pairs."""
+    score_high: float
+    mean_game_score: float
+    """Mean of the game's own score, in -100 .. 100."""
+    blue_wins: int
+    """Matches that whoever played blue won."""
+    red_wins: int
+    ticks: int
+    endings: dict[str, int]
+    faults: dict[str, Faults]
+    """By entry."""
+
+
+def tally(one: str, other: str, records: Iterable[MatchRecord]) -> Tally:
+    """Count a fixture's matches; they come in any order."""
+    points: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
+    endings: Counter[Ending] = Counter()
+    faults = {one: Faults(), other: Faults()}
+    per_pair: dict[bytes, float] = {}
+    sides: Counter[Team] = Counter()
+    for record in sorted(records, key=lambda record: record.plan.identity):
+        plan, result = record.plan, record.result
+        own = Team.BLUE if plan.blue == one else Team.RED
+        won = 0.5 if result.winner is None else float(result.winner is own)
+        per_pair[plan.keys.map_key] = per_pair.get(plan.keys.map_key, 0.0) + won / 2
+        points["win" if won == 1 else "loss" if won == 0 else "draw"] += 1
+        if result.winner is not None:
+            sides[result.winner] += 1
+        endings[result.ending] += 1
+        counts["ticks"] += result.ticks
+        counts["score"] += result.score if own is Team.BLUE else -result.score
+        for name, found in zip((plan.blue, plan.red), record.faults, strict=True):
+            faults[name].raised += found.raised
+            faults[name].illegal += found.illegal
+            faults[name].first_traceback = faults[name].first_traceback or found.first_traceback
+    pairs = np.array(list(per_pair.values()))
+    score = float(pairs.mean())
+    margin = _Z95 * float(pairs.std(ddof=1)) / len(pairs) ** 0.5 if len(pairs) > 1 else 1.0
+    return Tally(
+        wins=points["win"],
+        draws=points["draw"],
+        losses=points["loss"],
+        score=score,
+        score_low=max(score - margin, 0.0),
+        score_high=min(score + margin, 1.0),
+        mean_game_score=counts["score"] / max(sum(points.values()), 1),
+        blue_wins=sides[Team.BLUE],
+        red_wins=sides[Team.RED],
+        ticks=counts["ticks"],
+        endings={ending.name.lower(): endings[ending] for ending in Ending if endings[ending]},
+        faults=faults,
+    )
