@@ -3,16 +3,16 @@
 A sub-command is an entry point of the group `arena.commands`: its name, and a function (or a `typer.Typer`, for a
 group of commands) whose docstring's first line is its help. Whoever writes one may rely on this:
 
-- it stands in a module called `cli.py`, which imports no more than `typer` and this module when it is imported; heavy
+- it stands in a module called `cli.py`, which imports no more than `typer` and `arena.console` when it is imported; heavy
   imports stand inside the function, so that `arena --help` stays quick;
 - an `ArenaError` that it raises ends the command: one sentence on stderr, and the error's own exit code;
-- tables go out by `print_table`, and with `--json` the same facts by `print_json`.
+- tables go out by `arena.console.print_table`, and with `--json` the same facts by `print_json`.
 """
 
 import json
 import logging
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points, version
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,53 +21,17 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
+from arena.console import AsJson, print_json, print_table
 from arena.errors import ArenaError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from arena.game.ruleset import Ruleset
-
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of a table.")]
-"""The option that every command which prints a table takes."""
-
 
 def complete_ruleset(incomplete: str) -> list[str]:
     """Return the names of shipped rulesets that begin like `incomplete`, for the shell."""
     from arena.game.ruleset import RULESETS
 
     return [name for name in RULESETS if name.startswith(incomplete)]
-
-
-def print_json(value: object) -> None:
-    """Print one JSON document."""
-    typer.echo(json.dumps(value, indent=2, ensure_ascii=False))
-
-
-def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Print a table; numbers stand right. On a terminal it fits the width, elsewhere nothing is cut."""
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    values = [list(row) for row in rows]
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for index, column in enumerate(columns):
-        numbers = all(isinstance(row[index], int | float) and not isinstance(row[index], bool) for row in values)
-        table.add_column(column, justify="right" if numbers else "left", overflow="fold")
-    for row in values:
-        table.add_row(*(Text(_format(value)) for value in row))
-    console = Console()
-    if not console.is_terminal:
-        console.width = 10_000
-    console.print(table)
-
-
-def _format(value: object) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:,.0f}" if abs(value) >= 1_000 else f"{value:.4g}"
-    return f"{value:,}" if isinstance(value, int) else str(value)
 
 
 class _Commands(TyperGroup):

@@ -15,7 +15,7 @@ from arena.errors import BoardError
 from arena.game.board import Board, parse_board
 from arena.game.draw import MAX_ATTEMPTS, begin
 from arena.game.fog import spot
-from arena.game.kernel import draw_boards, draw_seeds, observe, renew, step
+from arena.game.kernel import draw_boards, draw_seeds, observe, renew, step, turn
 from arena.game.keys import MatchKeys, board_key, seat_keys, unit_keys
 from arena.game.ruleset import Ruleset
 from arena.game.state import Fact, State, Tables, Trait, make_state, make_tables
@@ -84,6 +84,20 @@ class Games:
             raise _no_board(self.ruleset)
         return renewed
 
+    def turn(self, orders: NDArray[np.int8]) -> NDArray[np.int8]:
+        """Step, draw finished games anew and return both teams' Table 2 boards, in one call.
+
+        The boards stand in memory that the next call overwrites.
+
+        Returns
+        -------
+        ndarray
+            int8, shape (2 teams, n_games, stride), cells row by row.
+        """
+        if turn(self.state, orders, self.tables, self._work, self._rows, self._boards) < 0:
+            raise _no_board(self.ruleset)
+        return self._boards
+
     def step(self, orders: NDArray[np.int8]) -> None:
         """Play one tick of every running game.
 
@@ -130,7 +144,8 @@ class Games:
     @property
     def is_over(self) -> NDArray[np.bool_]:
         """Which rows hold no running game; shape (n_games,)."""
-        return self.state.fact[:, Fact.ENDING] != Ending.RUNNING
+        over: NDArray[np.bool_] = self.state.fact[:, Fact.ENDING] != Ending.RUNNING
+        return over
 
     def digestible(self) -> NDArray[np.uint8]:
         """Return the bytes of each true state that change from tick to tick; shape (n_games, bytes), freshly made."""

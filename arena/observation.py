@@ -90,9 +90,7 @@ class Observation:
             for action, (rows, columns) in enumerate(STEPS[1:], start=1):
                 row, column = unit.row + rows, unit.column + columns
                 on_board = 0 <= row < side and 0 <= column < side
-                legal[unit.index, action] = (
-                    unit.alive and on_board and (unit.flies or self.ground[row, column] != Code.OBSTACLE)
-                )
+                legal[unit.index, action] = unit.alive and on_board and (unit.flies or self.ground[row, column] != Code.OBSTACLE)
         return legal
 
     def find_flag(self, team: Team) -> tuple[int, int] | None:

@@ -85,7 +85,9 @@ class Faults:
 
 
 BatchFactory = Callable[[Ruleset, Team, int], BatchPolicy]
-"""Makes a fighter for a number of seats. `BatchPolicy` subclasses are factories themselves."""
+"""Makes a fighter for a number of seats; it may carry `most_seats`, the most that suit it. `BatchPolicy` subclasses are
+factories themselves.
+"""
 
 
 def read_actions(answer: Any, n_units: int) -> NDArray[np.int8] | None:

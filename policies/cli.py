@@ -2,7 +2,7 @@
 
 from glob import escape, glob
 
-from arena.cli import AsJson, print_json, print_table
+from arena.console import AsJson, print_json, print_table
 
 
 def complete_policy(incomplete: str) -> list[str]:

@@ -2,6 +2,7 @@
 
 import traceback
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -92,9 +93,17 @@ class WithoutMemory:
         self.act = act
 
 
-def each_seat(make: MakeBot) -> Callable[[Ruleset, Team, int], BatchPolicy]:
-    """Return the `BatchFactory` of a bot."""
-    return lambda ruleset, team, n_seats: EachSeat(ruleset, team, n_seats, make=make)
+@dataclass(frozen=True, slots=True)
+class EachSeatFactory:
+    """The `BatchFactory` of a bot."""
+
+    make: MakeBot
+    most_seats: int = 32
+    """A bot may be large and slow: this many at once, so that the first matches end soon."""
+
+    def __call__(self, ruleset: Ruleset, team: Team, n_seats: int) -> BatchPolicy:
+        """Return the bots of some seats."""
+        return EachSeat(ruleset, team, n_seats, make=self.make)
 
 
 def _bots_own(error: BaseException) -> str:

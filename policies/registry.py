@@ -13,7 +13,7 @@ from typing import Any
 from arena.errors import PolicyError, UnknownNameError
 from arena.policy import BatchFactory, BatchPolicy
 from policies.bot_file import load_bot
-from policies.each_seat import WithoutMemory, each_seat
+from policies.each_seat import EachSeatFactory, WithoutMemory
 
 GROUP = "arena.policies"
 """Entry points that name a `BatchPolicy`, a class with `act`, or a function `act(observation)`."""
@@ -40,7 +40,7 @@ def load(spec: str) -> BatchFactory:
         The fighter cannot be loaded.
     """
     if spec.endswith(".py"):
-        return each_seat(load_bot(spec))
+        return EachSeatFactory(load_bot(spec))
     if spec in OWN:
         module, _, name = OWN[spec].partition(":")
         fighter: type[BatchPolicy] = getattr(import_module(module), name)
@@ -84,8 +84,8 @@ def _factory(name: str, fighter: Any) -> BatchFactory:
         if issubclass(fighter, BatchPolicy):
             return fighter
         if callable(getattr(fighter, "act", None)):
-            return each_seat(fighter)
+            return EachSeatFactory(fighter)
     elif callable(fighter):
         bot = WithoutMemory(fighter)
-        return each_seat(lambda: bot)
+        return EachSeatFactory(lambda: bot)
     raise PolicyError(f"the policy {name} is neither a BatchPolicy, nor a class with act, nor a function act(observation)")

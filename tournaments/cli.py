@@ -1,15 +1,13 @@
 """The sub-commands that make fighters meet: `arena play`."""
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arena.cli import AsJson, complete_ruleset, print_json, print_table
+from arena.cli import complete_ruleset
+from arena.console import AsJson, print_json, print_table, progress_bar
 from arena.errors import InputError
 from policies.cli import complete_policy
 
@@ -23,9 +21,7 @@ def play(
     one: Annotated[str, typer.Argument(metavar="A", autocompletion=complete_policy, help="A fighter, or a bot file.")],
     other: Annotated[str, typer.Argument(metavar="B", autocompletion=complete_policy, help="Another, or the same.")],
     pairs: Annotated[int, typer.Option(min=1, max=1_000_000, help="Maps; each is played twice, sides swapped.")] = 10,
-    rules: Annotated[
-        str, typer.Option(metavar="NAME|FILE.toml", autocompletion=complete_ruleset, help="The ruleset.")
-    ] = "paper",
+    rules: Annotated[str, typer.Option(metavar="NAME|FILE.toml", autocompletion=complete_ruleset, help="The ruleset.")] = "paper",
     settings: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a rule, as in side=16.")
     ] = None,
@@ -48,19 +44,19 @@ def play(
     for spec in specs.values():
         load(spec)
     seed = secrets.randbelow(2**53) if seed is None else seed
-    names = list(specs)
-    plans = plan_fixture("play", *names, pairs, secret_from_seed(seed))
+    first, second = specs
+    plans = plan_fixture("play", first, second, pairs, secret_from_seed(seed))
     finder = partial(load_entry, specs)
-    with _bar(len(plans), f"{names[0]} against {names[1]}") as advance:
+    with progress_bar(len(plans), f"{first} against {second}") as advance:
         records = []
         for record in play_matches(ruleset, plans, finder, journals=journals, n_workers=workers):
             records.append(record)
             advance(1)
-    result = tally(*names, records)
+    result = tally(first, second, records)
     if as_json:
-        print_json(_facts(names, result, ruleset, seed, pairs, journals))
+        print_json(_facts([first, second], result, ruleset, seed, pairs, journals))
     else:
-        _print_tally(names, result, ruleset, seed, pairs, journals)
+        _print_tally([first, second], result, ruleset, seed, pairs, journals)
     for name, faults in result.faults.items():
         if faults.first_traceback:
             typer.echo(f"\n{name} first failed like this:\n{faults.first_traceback}", err=True)
@@ -94,24 +90,7 @@ def _ruleset(rules: str, settings: list[str], board: Path | None) -> "Ruleset":
     return load(rules).with_(overrides)
 
 
-@contextmanager
-def _bar(total: int, what: str) -> Iterator[Callable[[int], None]]:
-    """Show a progress bar on a terminal, and nothing elsewhere, for work of seconds."""
-    if not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(what, total=total)
-        yield lambda n: progress.advance(task, n)
-
-
-def _facts(
-    names: list[str], result: "Tally", ruleset: "Ruleset", seed: int, pairs: int, journals: Path | None
-) -> dict[str, Any]:
+def _facts(names: list[str], result: "Tally", ruleset: "Ruleset", seed: int, pairs: int, journals: Path | None) -> dict[str, Any]:
     from dataclasses import asdict
 
     return {
@@ -120,9 +99,7 @@ def _facts(
     }  # fmt: skip
 
 
-def _print_tally(
-    names: list[str], result: "Tally", ruleset: "Ruleset", seed: int, pairs: int, journals: Path | None
-) -> None:
+def _print_tally(names: list[str], result: "Tally", ruleset: "Ruleset", seed: int, pairs: int, journals: Path | None) -> None:
     print_table(
         ("", "wins", "draws", "losses", "score", "95% interval", "failed ticks"),
         [

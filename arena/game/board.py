@@ -55,7 +55,9 @@ def parse_board(text: str) -> Board:
             raise BoardError(f"board, row {row + 1}: {len(line)} cells in a board of {side} rows; it must be square")
     if side % 2 or not 4 <= side <= 64:
         raise BoardError(f"board: {side} x {side} cells; the side must be even, from 4 to 64")
-    codes = np.array([[_read(cell, row, column, side) for column, cell in enumerate(line)] for row, line in enumerate(lines)], np.int8)
+    codes = np.array(
+        [[_read(cell, row, column, side) for column, cell in enumerate(line)] for row, line in enumerate(lines)], np.int8
+    )
     ground = _ground(codes, in_letters=not any(c.isdigit() for c in text))
     board = Board(
         ground=ground,
@@ -101,7 +103,9 @@ def _check_flags(board: Board) -> None:
     for team in Team:
         n_flags = int((board.ground == FLAGS[team]).sum())
         if n_flags != 1:
-            raise BoardError(f"board: {n_flags or 'no'} {team.name.lower()} flag{'s' if n_flags > 1 else ''}; each team needs one")
+            raise BoardError(
+                f"board: {n_flags or 'no'} {team.name.lower()} flag{'s' if n_flags > 1 else ''}; each team needs one"
+            )
 
 
 def _check_ways(board: Board) -> None:

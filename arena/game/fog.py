@@ -106,7 +106,11 @@ def spot(state: Any, tables: Any, team: Any, ground: Any, cell: Any, flies: Any,
             while slot > 0 and (
                 cell[game, slot - 1] > stand or (cell[game, slot - 1] == stand and kind[game, slot - 1] > enemy_type)
             ):
-                cell[game, slot], flies[game, slot], kind[game, slot] = cell[game, slot - 1], flies[game, slot - 1], kind[game, slot - 1]
+                cell[game, slot], flies[game, slot], kind[game, slot] = (
+                    cell[game, slot - 1],
+                    flies[game, slot - 1],
+                    kind[game, slot - 1],
+                )
                 slot -= 1
             cell[game, slot], flies[game, slot], kind[game, slot] = stand, tables.unit[enemy, Trait.FLIES], enemy_type
             found += 1

@@ -114,6 +114,21 @@ def renew(state: Any, tables: Any, rows: Any) -> int:
 
 
 @jit()
+def turn(state: Any, orders: Any, tables: Any, work: Any, rows: Any, boards: Any) -> int:
+    """Step, draw finished games anew, and write both teams' Table 2 boards: a tick of training, in one call.
+
+    Returns
+    -------
+    int
+        As `renew`.
+    """
+    step(state, orders, tables, work, True)
+    renewed = renew(state, tables, rows)
+    observe(state, tables, boards, rows, True, True)
+    return renewed
+
+
+@jit()
 def draw_seeds(keys: Any, ticks: Any, seeds: Any) -> None:
     """Write each seat's seed of its tick.
 

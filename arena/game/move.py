@@ -34,7 +34,7 @@ def move(game: Any, shape: Any, state: Any, orders: Any, tables: Any, work: Any)
     for walker in range(walkers):
         unit = walker if walker < blue_walkers else blue + walker - blue_walkers
         action = np.int64(orders[game, unit])
-        at = np.int64(state.cell[game, unit])
+        at: Any = np.int64(state.cell[game, unit])
         want = at
         if 0 < action <= 4 and tables.unit[unit, Trait.STEP] > 0:
             next_cell = np.int64(tables.neighbour[action, at])
@@ -102,10 +102,7 @@ def _settle(game: Any, shape: Any, state: Any, work: Any) -> None:
                 loses = (
                     not work[STAYS, other]
                     and work[WANT, other] == work[WANT, walker]
-                    and (
-                        work[WORD, other] > work[WORD, walker]
-                        or (work[WORD, other] == work[WORD, walker] and other < walker)
-                    )
+                    and (work[WORD, other] > work[WORD, walker] or (work[WORD, other] == work[WORD, walker] and other < walker))
                 )
                 if is_blocked or loses:
                     work[STAYS, walker] = 1

@@ -124,7 +124,9 @@ def load(name_or_file: str) -> Ruleset:
         except OSError as error:
             raise RulesetError(f"cannot read the ruleset {name_or_file}: {error.strerror}") from error
         except UnicodeDecodeError as error:
-            raise RulesetError(f"the ruleset {name_or_file} is not text in UTF-8: {error.reason} at byte {error.start}") from error
+            raise RulesetError(
+                f"the ruleset {name_or_file} is not text in UTF-8: {error.reason} at byte {error.start}"
+            ) from error
         return _parse(path.stem, text)
     if name_or_file not in RULESETS:
         raise UnknownNameError("ruleset", name_or_file, RULESETS)
@@ -195,7 +197,9 @@ def _manned(rules: Ruleset, board: Board) -> tuple[UnitType, ...]:
             continue
         index = next((i for i, unit in enumerate(units) if unit.flies is flies), None)
         if index is None:
-            raise RulesetError(f"ruleset {rules.name}: the board has units that {'fly' if flies else 'walk'}, and no unit type does")
+            raise RulesetError(
+                f"ruleset {rules.name}: the board has units that {'fly' if flies else 'walk'}, and no unit type does"
+            )
         if max(blue, red) > MAX_UNITS:
             raise RulesetError(f"ruleset {rules.name}: the board has {max(blue, red)} units of a kind; {MAX_UNITS} is the most")
         units[index] = replace(units[index], blue=blue, red=red)
@@ -224,9 +228,13 @@ def _check(rules: Ruleset) -> None:
         if type(unit.flies) is not bool:
             raise RulesetError(f"ruleset {rules.name}: units.{unit.name}.flies is {unit.flies!r}; it must be true or false")
         if unit.step > 1 and not unit.flies:
-            raise RulesetError(f"ruleset {rules.name}: units.{unit.name}.step is {unit.step}; only a unit that flies may go farther than 1")
+            raise RulesetError(
+                f"ruleset {rules.name}: units.{unit.name}.step is {unit.step}; only a unit that flies may go farther than 1"
+            )
     for team in Team:
         if len(rules.team(team)) > MAX_UNITS:
-            raise RulesetError(f"ruleset {rules.name}: {team.name.lower()} has {len(rules.team(team))} units; {MAX_UNITS} is the most")
+            raise RulesetError(
+                f"ruleset {rules.name}: {team.name.lower()} has {len(rules.team(team))} units; {MAX_UNITS} is the most"
+            )
     if rules.mirror and rules.board is None and rules.team(Team.BLUE) != rules.team(Team.RED):
         raise RulesetError(f"ruleset {rules.name}: mirror needs two equal teams")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arena.cli import AsJson, print_json, print_table
+from arena.console import AsJson, print_json, print_table
 from arena.errors import InputError
 
 if TYPE_CHECKING:
@@ -121,4 +121,3 @@ def _frame(journal: "Journal", games: "Games", team: Any, width: int) -> "Render
         f"score {fact[Fact.SCORE]:+d}   units {fact[Fact.BLUE_LIVING]}:{fact[Fact.RED_LIVING]}"
     )
     return draw_pair(title, (f"what {team.name.lower()} sees", games.grids()[team, 0]), ("the truth", games.truth(0)), width)
-

@@ -11,6 +11,7 @@ holds no clock and no signature: the same match gives the same bytes in every ve
 Integers are little-endian. Each link of the chain is the SHA-256 of the link before it and of what it stands behind.
 """
 
+import errno
 import os
 import struct
 from collections.abc import Iterator
@@ -86,10 +87,12 @@ class Header:
             values = msgpack.unpackb(data)
             version = values["rules_version"]
             if version != RULES_VERSION:
-                raise JournalError(f"the journal was written under version {version} of the rules; this is version {RULES_VERSION}")
+                raise JournalError(
+                    f"the journal was written under version {version} of the rules; this is version {RULES_VERSION}"
+                )
             rules = dict(values["ruleset"])
             keys = MatchKeys(map_key=values["map_key"], match_key=values["match_key"])
-            if not all(isinstance(key, bytes) and len(key) == KEY_BYTES for key in (keys.map_key, keys.match_key)):
+            if [len(keys.map_key), len(keys.match_key)] != [KEY_BYTES, KEY_BYTES] or not isinstance(values["match_key"], bytes):
                 raise JournalError("the journal's header was changed: its keys are not 32 bytes each")
             names = {name: values[name] for name in ("identity", "blue", "red")}
             if not all(isinstance(name, str) for name in names.values()):
@@ -239,14 +242,14 @@ def journal_name(identity: str) -> str:
     return quote(identity, safe="/").replace("/", "+") + ".journal"
 
 
-def save_journal(folder: Path, identity: str, data: bytes) -> Path:
-    """Write a whole journal, readable by its owner alone, so that it is there whole or not at all."""
-    path = folder / journal_name(identity)
-    draft = path.with_suffix(".draft")
-    with open(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
-        file.write(data)
-    draft.replace(path)
-    return path
+def save_journal(folder: str, identity: str, data: bytes) -> None:
+    """Write a whole journal, readable by its owner alone. One that was cut short is found so on reading."""
+    descriptor = os.open(f"{folder}/{journal_name(identity)}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    try:
+        if os.write(descriptor, data) != len(data):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    finally:
+        os.close(descriptor)
 
 
 def load_journal(path: Path) -> Journal:

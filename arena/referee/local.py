@@ -6,27 +6,30 @@ that a match is made of depends on its row, on the batch or on the process: its 
 
 import multiprocessing
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
-from itertools import groupby
+from hashlib import sha256
+from itertools import groupby, islice
 from pathlib import Path
 
 import numpy as np
 
 from arena.errors import ArenaError
 from arena.game.keys import MatchKeys
-from arena.games import Games
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
+from arena.games import Games
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
-from arena.referee.journal import Header, Mark, link, save_journal, write_ending, write_start
+from arena.referee.journal import Header, Mark, save_journal, write_ending, write_start
 from arena.referee.replay import match_result
 
 ROWS = 512
 """Matches in a batch: enough to make the cost of a tick in Python small beside that of the games."""
 MATCHES_PER_TASK = 1024
+_RECORDS_PER_WRITE, _MOST_WRITES = 16, 64
 Load = Callable[[str], BatchFactory]
 """Makes a fighter from its name; a plain function, so that it can be sent to another process."""
 
@@ -109,19 +112,32 @@ def _play_whole_task(ruleset: Ruleset, plans: list[MatchPlan], load: Load, journ
 
 
 def _play_task(ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None) -> Iterator[MatchRecord]:
-    for record in play_batch(ruleset, plans, load(plans[0].blue), load(plans[0].red)):
-        if journals is None:
-            yield record
-        else:
-            save_journal(journals, record.plan.identity, record.journal or b"")
-            yield replace(record, journal=None)
+    records = play_batch(ruleset, plans, load(plans[0].blue), load(plans[0].red))
+    return records if journals is None else _save(records, str(journals))
 
 
-def play_batch(
-    ruleset: Ruleset, plans: Iterable[MatchPlan], blue: BatchFactory, red: BatchFactory, rows: int = ROWS
-) -> Iterator[MatchRecord]:
-    """Play matches of one pairing in this thread, `rows` at a time."""
+def _save(records: Iterator[MatchRecord], folder: str) -> Iterator[MatchRecord]:
+    """Yield records once their journals are written, by a thread beside the games: the disk may take its time."""
+
+    def write(some: list[MatchRecord]) -> list[MatchRecord]:
+        for record in some:
+            save_journal(folder, record.plan.identity, record.journal or b"")
+        return [replace(record, journal=None) for record in some]
+
+    with ThreadPoolExecutor(1) as writer:
+        writing: deque[Future[list[MatchRecord]]] = deque()
+        while some := list(islice(records, _RECORDS_PER_WRITE)):
+            writing.append(writer.submit(write, some))
+            while writing and (writing[0].done() or len(writing) > _MOST_WRITES):
+                yield from writing.popleft().result()
+        while writing:
+            yield from writing.popleft().result()
+
+
+def play_batch(ruleset: Ruleset, plans: Iterable[MatchPlan], blue: BatchFactory, red: BatchFactory) -> Iterator[MatchRecord]:
+    """Play matches of one pairing in this thread, as many at a time as suits both fighters."""
     waiting = list(plans)[::-1]
+    rows = min(getattr(make, "most_seats", ROWS) for make in (blue, red))
     batch = _Batch(ruleset, min(rows, len(waiting)), blue, red)
     batch.start(range(batch.n_rows), [waiting.pop() for _ in range(batch.n_rows)])
     while batch.running:
@@ -186,7 +202,7 @@ class _Batch:
         chains, pieces = self._chains, self._pieces
         for row in self.running:
             record = data[row * length : (row + 1) * length]
-            chains[row] = chain = link(chains[row], record)
+            chains[row] = chain = sha256(chains[row] + record).digest()  # as `journal.link`, without its call
             pieces[row].append(record[:n_kept] + chain)
 
     def _finish(self, row: int) -> MatchRecord:

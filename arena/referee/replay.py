@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from arena.errors import ArenaError
-from arena.games import Games
 from arena.game.state import Fact
 from arena.game.types import Ending, Team
+from arena.games import Games
 from arena.policy import MatchResult
 from arena.referee.journal import CHAIN_BYTES, Journal, write_ending, write_start, write_tick
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from arena.errors import BoardError
 from arena.game.keys import MatchKeys
-from arena.game.rules import Games
 from arena.game.ruleset import Ruleset, UnitType, load
 from arena.game.types import Team
+from arena.games import Games
 from arena.observation import Observations
 from arena.policy import BatchPolicy
 from policies import registry
