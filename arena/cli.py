@@ -21,18 +21,11 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
-from arena.console import AsJson, print_json, print_table
+from arena.console import AsJson, complete_ruleset, print_json, print_table
 from arena.errors import ArenaError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from arena.game.ruleset import Ruleset
-
-def complete_ruleset(incomplete: str) -> list[str]:
-    """Return the names of shipped rulesets that begin like `incomplete`, for the shell."""
-    from arena.game.ruleset import RULESETS
-
-    return [name for name in RULESETS if name.startswith(incomplete)]
-
 
 class _Commands(TyperGroup):
     """Sub-commands that are imported when they are asked for; a broken plugin breaks itself alone."""

@@ -12,6 +12,13 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document in
 """The option that every command which prints a table takes."""
 
 
+def complete_ruleset(incomplete: str) -> list[str]:
+    """Return the names of shipped rulesets that begin like `incomplete`, for the shell."""
+    from arena.game.ruleset import RULESETS
+
+    return [name for name in RULESETS if name.startswith(incomplete)]
+
+
 def print_json(value: object) -> None:
     """Print one JSON document."""
     typer.echo(json.dumps(value, indent=2, ensure_ascii=False))

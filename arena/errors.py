@@ -1,12 +1,16 @@
 """The errors that the arena raises on purpose, and what each means to the command line.
 
 ArenaError                  exit 1: the arena says no
-└── InputError              exit 2: wrong usage or input
-    ├── UnknownNameError    a name that is not there; carries the nearest known one
-    ├── RulesetError        a ruleset that cannot be played
-    ├── BoardError          a board that cannot be played
-    ├── PolicyError         a bot file, or a policy, that cannot be loaded
-    └── JournalError        a journal that cannot be read as one
+├── InputError              exit 2: wrong usage or input
+│   ├── UnknownNameError    a name that is not there; carries the nearest known one
+│   ├── RulesetError        a ruleset that cannot be played
+│   ├── BoardError          a board that cannot be played
+│   ├── PolicyError         a bot file, or a policy, that cannot be loaded
+│   └── JournalError        a journal that cannot be read as one
+├── ProtocolError           the other side's fault: ruled on, recorded, played on
+│   └── UnreadableError     bytes that are no message
+├── RefusedError            the pit does not let this client play
+└── LostPitError            the pit cannot be reached
 """
 
 from collections.abc import Iterable
@@ -50,3 +54,19 @@ class PolicyError(InputError):
 
 class JournalError(InputError):
     """A journal is truncated, or was changed."""
+
+
+class ProtocolError(ArenaError):
+    """The other side said something that the protocol does not allow."""
+
+
+class UnreadableError(ProtocolError):
+    """Bytes that are no message of this version."""
+
+
+class RefusedError(ArenaError):
+    """The pit does not let this client play; its own sentence says why."""
+
+
+class LostPitError(ArenaError):
+    """No pit answers."""

@@ -40,6 +40,8 @@ class MatchResult:
     score: int
     """The own score, in -100 .. 100."""
     ticks: int
+    reason: str = ""
+    """Why, where a match was forfeited or void."""
 
 
 class Policy(Protocol):

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arena.cli import complete_ruleset
-from arena.console import AsJson, print_json, print_table, progress_bar
+from arena.console import AsJson, complete_ruleset, print_json, print_table, progress_bar
 from arena.errors import InputError
 from policies.cli import complete_policy
 

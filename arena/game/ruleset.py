@@ -74,6 +74,7 @@ class Ruleset:
             board = parse_board(self.board)
             object.__setattr__(self, "side", board.side)
             object.__setattr__(self, "units", _manned(self, board))
+        _check_teams(self)
 
     @property
     def hash(self) -> str:
@@ -200,8 +201,6 @@ def _manned(rules: Ruleset, board: Board) -> tuple[UnitType, ...]:
             raise RulesetError(
                 f"ruleset {rules.name}: the board has units that {'fly' if flies else 'walk'}, and no unit type does"
             )
-        if max(blue, red) > MAX_UNITS:
-            raise RulesetError(f"ruleset {rules.name}: the board has {max(blue, red)} units of a kind; {MAX_UNITS} is the most")
         units[index] = replace(units[index], blue=blue, red=red)
     return tuple(units)
 
@@ -231,6 +230,10 @@ def _check(rules: Ruleset) -> None:
             raise RulesetError(
                 f"ruleset {rules.name}: units.{unit.name}.step is {unit.step}; only a unit that flies may go farther than 1"
             )
+
+
+def _check_teams(rules: Ruleset) -> None:
+    """Refuse teams that are too large, those that a board draws too, and unequal ones where one mirrors the other."""
     for team in Team:
         if len(rules.team(team)) > MAX_UNITS:
             raise RulesetError(

@@ -60,3 +60,7 @@ class Ending(IntEnum):
     CAPTURE = 1
     ELIMINATION = 2
     TICK_LIMIT = 3
+    FORFEIT = 4
+    """A seat vanished, or gave no order in time too often; nothing that the rules of the game know."""
+    VOID = 5
+    """The pit's own fault: never scored, played again."""

@@ -1,11 +1,11 @@
-"""The sub-command of journals: `arena replay`."""
+"""The sub-commands of the referee: `arena serve`, and `arena replay`."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arena.console import AsJson, print_json, print_table
+from arena.console import AsJson, complete_ruleset, print_json, print_table
 from arena.errors import InputError
 
 if TYPE_CHECKING:
@@ -121,3 +121,75 @@ def _frame(journal: "Journal", games: "Games", team: Any, width: int) -> "Render
         f"score {fact[Fact.SCORE]:+d}   units {fact[Fact.BLUE_LIVING]}:{fact[Fact.RED_LIVING]}"
     )
     return draw_pair(title, (f"what {team.name.lower()} sees", games.grids()[team, 0]), ("the truth", games.truth(0)), width)
+
+
+def serve(
+    listen: Annotated[str, typer.Option(metavar="ENDPOINT", help="Where to listen.")] = "tcp/127.0.0.1:7447",
+    pit: Annotated[str, typer.Option(help="The pit's name.")] = "pit",
+    rules: Annotated[
+        str, typer.Option(metavar="NAME|FILE.toml", autocompletion=complete_ruleset, help="The ruleset.")
+    ] = "paper",
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a rule, as in side=16.")
+    ] = None,
+    matches: Annotated[int | None, typer.Option(min=1, help="End after so many; without it, go on until told to stop.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Makes the matches reproducible, and guessable by anyone.")] = None,
+    turn_time: Annotated[float, typer.Option(min=0.001, metavar="SECONDS", help="For each turn.")] = 1.0,
+    bank: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="Extra time of a seat for a whole match.")] = 10.0,
+    grace: Annotated[
+        float, typer.Option(min=0, metavar="SECONDS", help="How long a seat that vanished keeps its place.")
+    ] = 10.0,
+    missed: Annotated[int, typer.Option(min=1, help="Turns missed in a row that forfeit a match.")] = 10,
+    data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where journals live; your data folder without it.")] = None,
+    fsync: Annotated[bool, typer.Option("--fsync", help="Let every tick outlive a power cut, at its price.")] = False,
+) -> None:
+    """Open a pit: a match begins when a red and a blue seat are taken. Unfinished matches are taken up again."""
+    import signal
+
+    from arena.address import Address
+    from arena.folders import data_folder
+    from arena.game.keys import new_secret, secret_from_seed
+    from arena.game.ruleset import load, parse_overrides
+    from arena.protocol.topics import check_chunk
+    from arena.referee.match import Terms
+    from arena.referee.serve import Pit, PitSettings
+
+    if seed is not None:
+        typer.echo("arena: warning: anyone can try small seeds; strangers should not be seated under --seed", err=True)
+    chosen = PitSettings(
+        listen=listen,
+        address=Address(endpoint=listen, pit=check_chunk("the pit's name", pit)),
+        ruleset=load(rules).with_(parse_overrides(settings or [])),
+        secret=new_secret() if seed is None else secret_from_seed(seed),
+        terms=Terms(turn_time_s=turn_time, bank_s=bank, grace_s=grace, most_missed=missed),
+        journals=data_folder(data) / "journals",
+        n_matches=matches,
+        fsync=fsync,
+    )
+    server = Pit(chosen)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: server.stop())
+
+    def on_open(n_resumed: int) -> None:
+        typer.echo(f"pit open at {chosen.address}, rules {chosen.ruleset.name}")
+        typer.echo(f"join with: arena join {chosen.address} --team any --policy rush")
+        if n_resumed:
+            typer.echo(f"{n_resumed} unfinished matches wait for their seats to come back")
+
+    n_left = server.run(on_open, lambda played: typer.echo(_describe(played)))
+    if n_left:
+        typer.echo(f"{n_left} matches are unfinished; arena serve with the same --data takes them up again")
+
+
+def _describe(played: Any) -> str:
+    """Return a line on how a match ended, with what was counted."""
+    header, result = played.header, played.result
+    winner = "draw" if result.winner is None else f"{result.winner.name.lower()} wins"
+    why = f" ({result.reason})" if result.reason else ""
+    counted = [
+        f"{team.name.lower()} {n} {what}" for team, seat in played.seats.items() for what, n in seat.faults().items() if n
+    ]
+    return (
+        f"{header.identity}: blue {header.blue}, red {header.red}: {winner} by {result.ending.name.lower().replace('_', ' ')}{why} "
+        f"after {result.ticks} ticks, score {result.score:+d} for blue{'; counted: ' + ', '.join(counted) if counted else ''}"
+    )

@@ -150,7 +150,7 @@ def write_tick(chain: bytes, orders: bytes, marks: bytes, state: bytes) -> tuple
 def write_ending(chain: bytes, result: MatchResult) -> bytes:
     """Return the record that closes a journal; `result.score` is blue's."""
     winner = None if result.winner is None else result.winner.name.lower()
-    values = {"ending": result.ending.name.lower(), "winner": winner, "score": result.score, "ticks": result.ticks}
+    values = {"ending": result.ending.name.lower(), "winner": winner, "score": result.score, "ticks": result.ticks, "reason": result.reason}
     packed = bytes(msgpack.packb(values))
     return b"E" + _LENGTH.pack(len(packed)) + packed + link(chain, packed)
 
@@ -208,10 +208,22 @@ def _unpack_ending(data: bytes) -> MatchResult:
         values: dict[str, Any] = msgpack.unpackb(data)
         winner = None if values["winner"] is None else Team[values["winner"].upper()]
         return MatchResult(
-            ending=Ending[values["ending"].upper()], winner=winner, score=int(values["score"]), ticks=int(values["ticks"])
+            ending=Ending[values["ending"].upper()], winner=winner, score=int(values["score"]), ticks=int(values["ticks"]), reason=str(values["reason"]),
         )
     except (ValueError, KeyError, TypeError, AttributeError, msgpack.UnpackException) as error:
         raise JournalError(f"the journal's ending was changed: {error!r} on reading it") from error
+
+
+def whole_part(data: bytes) -> bytes:
+    """Return a running match's journal without a last record that was cut short when its writer died."""
+    reader = _Reader(data)
+    reader.take(len(MAGIC) + 1, "its header")
+    header = Header.unpack(reader.take_frame("its header"))
+    reader.take(CHAIN_BYTES, "its header")
+    length = 1 + sum(len(header.ruleset.team(team)) for team in Team) + len(Team) + CHAIN_BYTES
+    while reader.peek() == b"T" and reader.left >= length:
+        reader.take(length, "a tick")
+    return data[: len(data) - reader.left]
 
 
 class _Reader:
@@ -219,6 +231,10 @@ class _Reader:
 
     def __init__(self, data: bytes) -> None:
         self._data, self._at = data, 0
+
+    @property
+    def left(self) -> int:
+        return len(self._data) - self._at
 
     def peek(self) -> bytes:
         return self._data[self._at : self._at + 1]

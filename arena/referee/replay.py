@@ -1,6 +1,7 @@
 """Play a journal again, tick by tick, and compare every state with the chain."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -61,9 +62,10 @@ def _check_ending(journal: Journal, games: Games, chain: bytes) -> None:
     n_ticks = len(journal.ticks)
     if journal.ending is None:
         raise BrokenChainError(n_ticks, f"the match is unfinished: it stops after tick {n_ticks}, without an ending")
-    if not games.is_over[0]:
+    is_ruled = journal.ending.ending in (Ending.FORFEIT, Ending.VOID) and not games.is_over[0]
+    if not is_ruled and not games.is_over[0]:
         raise BrokenChainError(n_ticks, f"it claims an ending at tick {n_ticks}, and the match goes on there")
-    result = match_result(games, 0)
+    result = replace(journal.ending, ticks=n_ticks) if is_ruled else match_result(games, 0)
     record = write_ending(chain, result)
     if journal.ending != result or journal.ending_chain != record[-CHAIN_BYTES:]:
         raise BrokenChainError(n_ticks, f"its ending was changed: the match ended by {result.ending.name.lower()}")

@@ -1,7 +1,7 @@
 """DESIGN section 1, read slowly in plain Python: no numpy, no bits, no cleverness. What the kernels must equal.
 
-It was written from the text of the design, not from the kernels. Where the text leaves a choice open (which word of Philox decides
-what, where a rectangle of even height has its centre), the docstring of `arena.game.draw` decides.
+It was written from the text of the design, not from the kernels. Where the text leaves a choice open (which word of
+Philox decides what, where a rectangle of even height has its centre), `arena.game.draw` decides.
 """
 
 from collections.abc import Sequence
@@ -226,6 +226,16 @@ def grid_seen(match: Match, team: Team) -> list[list[int]]:
     for (row, column), code in below + own + above:
         if board[row][column] != Code.HIDDEN:
             board[row][column] = code
+    return board
+
+
+def truth(match: Match) -> list[list[int]]:
+    """The true Table 2 board: of two UAVs in a cell, the one of the lower index, blue's first."""
+    board = [[match.ground[row, column] for column in range(match.rules.side)] for row in range(match.rules.side)]
+    for flies, codes in ((True, UAV), (False, UGV)):
+        for unit in reversed(match.units):
+            if unit.alive and unit.kind.flies is flies:
+                board[unit.cell[0]][unit.cell[1]] = codes[unit.team]
     return board
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from worlds import SEEDS, facts_of, facts_of_match, random_orders, rulesets, scatter, to_match
 
-from arena.game.rules import Games
+from arena.games import Games
 from arena.game.ruleset import Ruleset, UnitType
 from arena.game.types import STEPS, Code, Ending, Team
 
@@ -54,7 +54,6 @@ def test_in_a_crowd_everything_happens_and_as_the_design_says(size: Callable[[in
 
     assert happened["tick"] > size(20_000, 200_000)
     enough = size(50, 500)
-    print(happened)
     rare = {kind: happened[kind] for kind in KINDS if happened[kind] < enough}
     assert not rare, f"hardly happened: {rare}; in all: {happened}"
 
@@ -69,13 +68,20 @@ def crowded(rng: np.random.Generator, round_: int) -> Ruleset:
     """Return a ruleset that packs units onto a small board; each switch is on in half of the rounds."""
     side = int(rng.choice([4, 6, 8]))
     most = {4: 5, 6: 9, 8: 12}[side]
+    kinds = (("foot", 1, most, False), ("eye", int(rng.integers(1, 4)), 4, True))
     foot, eye = (
         UnitType(
-            name=name, step=1 if name == "foot" else int(rng.integers(1, 4)), sight=int(rng.integers(0, 5)), attack=int(rng.integers(0, 3)),
-            strength=int(rng.integers(0, 4)), flies=name == "eye", blue=int(rng.integers(1, n)), red=int(rng.integers(1, n)),
+            name=name,
+            step=step,
+            sight=int(rng.integers(0, 5)),
+            attack=int(rng.integers(0, 3)),
+            strength=int(rng.integers(0, 4)),
+            flies=flies,
+            blue=int(rng.integers(1, most_of_it)),
+            red=int(rng.integers(1, most_of_it)),
         )
-        for name, n in (("foot", most), ("eye", 4))
-    )  # fmt: skip
+        for name, step, most_of_it, flies in kinds
+    )
     guard = UnitType(
         name="guard", step=0, sight=1, attack=1, strength=2, blue=int(rng.integers(0, 2)), red=int(rng.integers(0, 2))
     )
@@ -107,10 +113,11 @@ def play_and_compare(games: Games, matches: list[oracle.Match], orders: np.ndarr
 
 
 def assert_same_sight(games: Games, matches: list[oracle.Match]) -> None:
-    """Both teams' Table 2 boards, their grounds, and the enemies they can name."""
+    """The true board, both teams' Table 2 boards, their grounds, and the enemies they can name."""
     side, n_cells = games.ruleset.side, games.ruleset.side**2
     grids, seen = games.grids(), games.observe()
     for row, match in enumerate(matches):
+        assert games.truth(row).tolist() == oracle.truth(match)
         for team in Team:
             assert grids[team, row].tolist() == oracle.grid_seen(match, team)
             assert seen[team].ground[row, :n_cells].reshape(side, side).tolist() == oracle.ground_seen(match, team)
@@ -123,6 +130,9 @@ def assert_same_sight(games: Games, matches: list[oracle.Match]) -> None:
             assert observation.score == (match.score if team is Team.BLUE else -match.score)
             assert [(unit.row, unit.column) for unit in observation.units] == [u.cell for u in match.units if u.team is team]
             assert [unit.alive for unit in observation.units] == [u.alive for u in match.units if u.team is team]
+            assert seen[team].enemy_flies[row].tolist()[: len(observation.enemies)] == [
+                enemy.flies for enemy in observation.enemies
+            ]
             assert [(enemy.type, enemy.flies) for enemy in observation.enemies] == [
                 (games.ruleset.units[kind].name, games.ruleset.units[kind].flies) for _, kind in oracle.enemies_seen(match, team)
             ]

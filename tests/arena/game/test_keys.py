@@ -20,7 +20,7 @@ from arena.game.keys import (
     secret_from_seed,
     unit_keys,
 )
-from arena.game.rules import Games
+from arena.games import Games
 from arena.game.ruleset import load
 from arena.game.state import Fact
 from arena.game.types import Team

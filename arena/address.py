@@ -1,0 +1,40 @@
+"""Where a pit is: `arena://HOST:PORT/PIT`, as `arena serve` prints it and `arena join` takes it."""
+
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+from arena.errors import InputError
+from arena.protocol.topics import check_chunk
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+DEFAULT_PIT = "pit"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Address:
+    """A pit's address."""
+
+    endpoint: str = DEFAULT_ENDPOINT
+    """As Zenoh writes it: tcp/HOST:PORT."""
+    pit: str = DEFAULT_PIT
+
+    def __str__(self) -> str:
+        return f"arena://{self.endpoint.partition('/')[2]}/{self.pit}"
+
+
+def parse_address(text: str) -> Address:
+    """Read an address, or a bare Zenoh endpoint such as tcp/127.0.0.1:7447."""
+    if not text.startswith("arena://"):
+        protocol, slash, rest = text.partition("/")
+        if not slash or not rest or protocol not in ("tcp", "tls", "quic", "unixsock-stream", "ws", "udp"):
+            raise InputError(f"{text!r} is no address; write arena://HOST:PORT/PIT or tcp/HOST:PORT")
+        return Address(endpoint=text)
+    parts = urlsplit(text)
+    try:
+        port = parts.port
+    except ValueError as error:
+        raise InputError(f"{text!r} has a port that is none") from error
+    if not parts.hostname or port is None:
+        raise InputError(f"{text!r} lacks a host or a port; write arena://HOST:PORT/PIT")
+    host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
+    return Address(endpoint=f"tcp/{host}:{port}", pit=check_chunk("the pit's name", parts.path.strip("/") or DEFAULT_PIT))

@@ -1,0 +1,1 @@
+"""What the pit and its clients say to each other, as data, and as bytes."""

@@ -1,0 +1,75 @@
+"""Messages to bytes and back: msgpack, an array of the version, the kind and the fields. Nothing else makes bytes messages."""
+
+from dataclasses import fields
+from functools import cache
+from typing import Any, get_args, get_origin, get_type_hints
+
+import msgpack
+
+from arena.errors import UnreadableError
+from arena.protocol.messages import PROTOCOL_VERSION, Message
+
+MOST_BYTES = 60_000
+"""No message is longer; what is longer is sent in pieces."""
+_KINDS: tuple[type, ...] = get_args(Message)
+_NUMBERS = {kind: number for number, kind in enumerate(_KINDS)}
+
+
+def encode(message: Message) -> bytes:
+    """Return the bytes of a message."""
+    kind = type(message)
+    return bytes(msgpack.packb([PROTOCOL_VERSION, _NUMBERS[kind], *[getattr(message, name) for name, _ in _shape(kind)]]))
+
+
+def decode(data: bytes) -> Message:
+    """Return the message that `encode` wrote.
+
+    Raises
+    ------
+    UnreadableError
+        The bytes are no message, or one of another version.
+    """
+    if len(data) > MOST_BYTES:
+        raise UnreadableError(f"{len(data)} bytes; no message is longer than {MOST_BYTES}")
+    try:
+        values = msgpack.unpackb(data)
+    except (ValueError, msgpack.UnpackException, RecursionError) as error:
+        raise UnreadableError("the bytes are not msgpack") from error
+    if type(values) is not list or len(values) < 2 or type(values[0]) is not int or type(values[1]) is not int:
+        raise UnreadableError("the bytes are no message of the arena")
+    version, number, *rest = values
+    if version != PROTOCOL_VERSION:
+        raise UnreadableError(f"the other side speaks version {version} of the protocol; this is version {PROTOCOL_VERSION}")
+    if not 0 <= number < len(_KINDS):
+        raise UnreadableError(f"there is no message of kind {number}")
+    kind = _KINDS[number]
+    shape = _shape(kind)
+    if len(rest) != len(shape):
+        raise UnreadableError(f"{kind.__name__} has {len(shape)} fields, not {len(rest)}")
+    for value, (name, hint) in zip(rest, shape, strict=True):
+        if not _fits(value, hint):
+            raise UnreadableError(f"{kind.__name__}.{name} is of another type than it should be")
+    message: Message = kind(**{name: value for value, (name, _) in zip(rest, shape, strict=True)})
+    return message
+
+
+@cache
+def _shape(kind: type) -> tuple[tuple[str, Any], ...]:
+    hints = get_type_hints(kind)
+    return tuple((item.name, hints[item.name]) for item in fields(kind))
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Whether a value read from msgpack is of an annotated type."""
+    if hint is Any:
+        return True
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin is list:
+        return type(value) is list and all(_fits(item, arguments[0]) for item in value)
+    if origin is dict:
+        return type(value) is dict and all(
+            _fits(key, arguments[0]) and _fits(item, arguments[1]) for key, item in value.items()
+        )
+    if arguments:  # a union
+        return any(_fits(value, one) for one in arguments)
+    return type(value) is hint or (hint is float and type(value) is int)

@@ -1,0 +1,74 @@
+"""The Zenoh keys of a pit. A chunk is letters, digits, - and _, so that no name can reach into another's key."""
+
+import re
+
+from arena.errors import InputError, UnreadableError
+from arena.game.types import Team
+
+_CHUNK = re.compile(r"[A-Za-z0-9_-]{1,64}")
+_TEAMS = {team.name.lower(): team for team in Team}
+
+
+def check_chunk(what: str, chunk: str) -> str:
+    """Return `chunk`, or refuse it."""
+    if not _CHUNK.fullmatch(chunk):
+        raise InputError(f"{what} is {chunk!r}; it must be 1 to 64 letters, digits, - or _")
+    return chunk
+
+
+def is_chunk(chunk: str) -> bool:
+    """Whether `chunk` can be a part of a key."""
+    return _CHUNK.fullmatch(chunk) is not None
+
+
+def join(pit: str) -> str:
+    """Return the key of the queryable that hands out seats."""
+    return f"arena/{pit}/join"
+
+
+def lobby(pit: str) -> str:
+    """Return the key of the queryable that tells the pit's public facts."""
+    return f"arena/{pit}/lobby"
+
+
+def observation(pit: str, match: str, team: Team) -> str:
+    """Return the key on which a seat hears the referee."""
+    return f"arena/{pit}/match/{match}/{team.name.lower()}/observation"
+
+
+def action(pit: str, match: str, team: Team) -> str:
+    """Return the key on which the referee hears a seat."""
+    return f"arena/{pit}/match/{match}/{team.name.lower()}/action"
+
+
+def all_actions(pit: str) -> str:
+    """Return the expression of every seat's action key."""
+    return f"arena/{pit}/match/*/*/action"
+
+
+def read_action(key: str) -> tuple[str, Team]:
+    """Return the match and the team of an action key."""
+    parts = key.split("/")
+    if len(parts) != 6 or parts[4] not in _TEAMS:
+        raise UnreadableError(f"{key} is no seat's key")
+    return parts[3], _TEAMS[parts[4]]
+
+
+def public(pit: str, match: str) -> str:
+    """Return the key of what everyone may know of a match."""
+    return f"arena/{pit}/match/{match}/public"
+
+
+def presence(pit: str, name: str, client: str) -> str:
+    """Return the liveliness key of a client process."""
+    return f"arena/{pit}/presence/{name}/{client}"
+
+
+def all_presence(pit: str) -> str:
+    """Return the expression of every client's liveliness key."""
+    return f"arena/{pit}/presence/*/*"
+
+
+def read_presence(key: str) -> str:
+    """Return the client of a liveliness key."""
+    return key.rsplit("/", 1)[-1]

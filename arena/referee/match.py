@@ -1,0 +1,315 @@
+"""One match as a state machine without I/O: orders and the time go in, events come out.
+
+Nothing here knows of a network, a file or a clock; `now_s` is whatever the caller's clock says. The events of a call are to be
+carried out in their order, which puts each tick into the journal before anybody hears of the next.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from arena.game.state import Fact
+from arena.game.types import Ending, Team
+from arena.games import Games
+from arena.policy import MatchResult
+from arena.protocol.sight import pack
+from arena.referee.journal import Header, Journal, Mark, write_ending, write_start, write_tick
+from arena.referee.replay import match_result
+
+WIN = 100
+"""Score of a match that was forfeited, from the winner's side."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Terms:
+    """What a referee demands of a seat, in seconds."""
+
+    turn_time_s: float | None = 1.0
+    """For each turn; None runs no clock."""
+    bank_s: float = 10.0
+    """Extra time of a seat, for the whole match."""
+    grace_s: float = 10.0
+    """How long a seat may be away in the whole match, and how long it may take to get ready."""
+    most_missed: int = 10
+    """Turns missed in a row that forfeit the match."""
+
+
+class Phase(Enum):
+    """Where a match stands."""
+
+    WAITING = "for both seats to be ready"
+    PLAYING = "playing"
+    OVER = "over"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Write:
+    """Append these bytes to the journal, now."""
+
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ask:
+    """Show a seat the current tick, and wait for its orders."""
+
+    team: Team
+    tick: int
+    observation: bytes
+    """As `arena.protocol.sight.pack` gives it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Publish:
+    """Tell everyone the public facts of the tick that begins."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class End:
+    """The match is over; nothing follows."""
+
+    result: MatchResult
+    """`score` is blue's."""
+
+
+Event = Write | Ask | Publish | End
+
+
+@dataclass(slots=True, kw_only=True)
+class SeatRecord:
+    """What was counted of one seat. A number that is not 0 is shown when the match ends."""
+
+    late: int = 0
+    unreadable: int = 0
+    """Turns with an answer that was not one legal action per unit."""
+    stale: int = 0
+    """Messages for another tick, or a second answer to this one; ignored."""
+    garbled: int = 0
+    """Messages that were none; ignored."""
+    vanished: int = 0
+    latencies_s: list[float] = field(default_factory=list)
+
+    def faults(self) -> dict[str, int]:
+        """Return the counts."""
+        return {name: getattr(self, name) for name in ("late", "unreadable", "stale", "garbled", "vanished")}
+
+
+@dataclass(slots=True, kw_only=True)
+class _Seat:
+    """Where one seat stands in the current tick."""
+
+    bank_s: float
+    grace_s: float
+    is_ready: bool = False
+    away_since_s: float | None = None
+    asked_at_s: float = 0.0
+    has_answered: bool = False
+    missed: int = 0
+    record: SeatRecord = field(default_factory=SeatRecord)
+
+
+class Match:
+    """A match, from its drawn board to its ending."""
+
+    def __init__(self, header: Header, terms: Terms, now_s: float) -> None:
+        self.header, self.terms = header, terms
+        self.phase = Phase.WAITING
+        self.result: MatchResult | None = None
+        self._games = Games(header.ruleset, 1)
+        self._games.start([0], [header.keys])
+        self._seats = {team: _Seat(bank_s=terms.bank_s, grace_s=terms.grace_s) for team in Team}
+        for seat in self._seats.values():
+            seat.away_since_s = now_s
+        blue = self._games.n_units[Team.BLUE]
+        self._orders = np.zeros((1, sum(self._games.n_units.values())), np.int8)
+        self._own = {Team.BLUE: self._orders[0, :blue], Team.RED: self._orders[0, blue:]}
+        self._marks = {team: Mark(0) for team in Team}
+        self._past: list[bytes] = []
+        self._shown: dict[Team, list[bytes]] = {team: [] for team in Team}
+        ground, state = self._games.state.ground[0].tobytes(), self._games.digestible()[0].tobytes()
+        self.start_record, self._chain = write_start(header, ground, state)
+        self._show()
+
+    @property
+    def tick(self) -> int:
+        """Ticks played so far."""
+        return int(self._games.state.fact[0, Fact.TICK])
+
+    @property
+    def facts(self) -> tuple[int, int, int]:
+        """Blue's living units, red's, and blue's score: public by rule."""
+        fact = self._games.state.fact[0]
+        return int(fact[Fact.BLUE_LIVING]), int(fact[Fact.RED_LIVING]), int(fact[Fact.SCORE])
+
+    def history(self, team: Team, known_ticks: int) -> tuple[list[bytes], list[bytes]]:
+        """Return the observations of a seat's answered ticks from `known_ticks` on, and the orders that were played."""
+        blue = self._games.n_units[Team.BLUE]
+        orders = [orders[:blue] if team is Team.BLUE else orders[blue:] for orders in self._past[known_ticks:]]
+        return self._shown[team][known_ticks : len(self._past)], orders
+
+    def is_away(self, team: Team) -> bool:
+        """Whether a seat has not come yet, or has vanished."""
+        return self._seats[team].away_since_s is not None
+
+    def record(self, team: Team) -> SeatRecord:
+        """Return what was counted of a seat."""
+        return self._seats[team].record
+
+    def recover(self, journal: Journal) -> list[Event]:
+        """Play the ticks that a journal holds; before anybody is ready.
+
+        Nothing is charged for them: the pit was away, not the seats.
+        """
+        for record in journal.ticks:
+            self._orders[0] = np.frombuffer(record.orders, np.int8)
+            self._marks = dict(zip(Team, record.marks, strict=True))
+            self._play_tick()
+        return self._end(match_result(self._games, 0)) if self._games.is_over[0] else []
+
+    def ready(self, team: Team, now_s: float) -> list[Event]:
+        """A seat listens: at first, or after it was away. It is asked at once if the match waits for it."""
+        seat = self._seats[team]
+        if self.phase is Phase.OVER:
+            return []
+        if seat.away_since_s is not None:
+            seat.grace_s -= now_s - seat.away_since_s
+            seat.away_since_s = None
+        seat.is_ready = True
+        if self.phase is Phase.WAITING:
+            if not all(seat.is_ready for seat in self._seats.values()):
+                return []
+            self.phase = Phase.PLAYING
+            for other in self._seats.values():
+                other.grace_s = self.terms.grace_s
+            return self._ask_all(now_s)
+        if seat.has_answered:
+            return []
+        seat.asked_at_s = now_s
+        return [self._ask(team)]
+
+    def leave(self, team: Team, now_s: float) -> list[Event]:
+        """A seat has vanished; its clock stops, and its grace runs."""
+        seat = self._seats[team]
+        if self.phase is not Phase.OVER and seat.away_since_s is None:
+            seat.away_since_s = now_s
+            seat.is_ready = False
+            seat.record.vanished += 1
+        return []
+
+    def submit(self, team: Team, tick: int, actions: bytes, now_s: float) -> list[Event]:
+        """Take a seat's orders; the first readable message of a tick counts, and what it lacks means to stay."""
+        seat = self._seats[team]
+        if self.phase is not Phase.PLAYING or tick != self.tick or seat.has_answered:
+            seat.record.stale += 1
+            return []
+        own = self._own[team]
+        given = np.frombuffer(actions, np.int8)[: len(own)]
+        legal = (given >= 0) & (given <= 4)
+        own[:] = 0
+        own[: len(given)][legal] = given[legal]
+        if len(actions) != len(own) or not legal.all():
+            self._marks[team] |= Mark.UNREADABLE
+            seat.record.unreadable += 1
+        self._settle_clock(seat, now_s)
+        seat.has_answered, seat.missed = True, 0
+        return self._turn(now_s) if self._is_complete() else []
+
+    def garble(self, team: Team) -> None:
+        """Count a message that was none."""
+        self._seats[team].record.garbled += 1
+
+    def advance(self, now_s: float) -> list[Event]:
+        """Let time pass: rule on seats that are late, or away for too long."""
+        if self.phase is Phase.OVER:
+            return []
+        gone = [team for team, seat in self._seats.items() if self._is_gone(seat, now_s)]
+        if gone:
+            # Whoever is away as well has not come to fight either: nobody wins by being gone a moment later.
+            gone = [team for team, seat in self._seats.items() if seat.away_since_s is not None]
+            return self._forfeit(gone, "did not come back in time" if self.phase is Phase.PLAYING else "was not ready in time")
+        if self.phase is Phase.WAITING or self.terms.turn_time_s is None:
+            return []
+        for team, seat in self._seats.items():
+            if seat.has_answered or seat.away_since_s is not None or now_s < self._deadline_s(seat):
+                continue
+            self._own[team][:] = 0
+            self._marks[team] |= Mark.LATE
+            seat.record.late += 1
+            seat.missed += 1
+            seat.bank_s, seat.has_answered = 0.0, True
+        idle = [team for team, seat in self._seats.items() if seat.missed >= self.terms.most_missed]
+        if idle:
+            return self._forfeit(idle, f"missed {self.terms.most_missed} turns in a row")
+        return self._turn(now_s) if self._is_complete() else []
+
+    def void(self, reason: str) -> list[Event]:
+        """End the match by a fault of the pit's own."""
+        return self._end(MatchResult(ending=Ending.VOID, winner=None, score=0, ticks=self.tick, reason=reason))
+
+    def _is_gone(self, seat: _Seat, now_s: float) -> bool:
+        return seat.away_since_s is not None and now_s - seat.away_since_s >= seat.grace_s
+
+    def _is_complete(self) -> bool:
+        return all(seat.has_answered for seat in self._seats.values())
+
+    def _deadline_s(self, seat: _Seat) -> float:
+        return seat.asked_at_s + (self.terms.turn_time_s or 0.0) + seat.bank_s
+
+    def _settle_clock(self, seat: _Seat, now_s: float) -> None:
+        """Charge the bank for what a turn took beyond its time."""
+        took_s = now_s - seat.asked_at_s
+        seat.record.latencies_s.append(took_s)
+        if self.terms.turn_time_s is not None:
+            seat.bank_s = max(seat.bank_s - max(took_s - self.terms.turn_time_s, 0.0), 0.0)
+
+    def _turn(self, now_s: float) -> list[Event]:
+        """Play the tick that both have answered, and ask for the next."""
+        write = Write(data=self._play_tick())
+        if self._games.is_over[0]:
+            return [write, *self._end(match_result(self._games, 0))]
+        return [write, *self._ask_all(now_s)]
+
+    def _play_tick(self) -> bytes:
+        """Step, and return the tick's record."""
+        self._games.step(self._orders)
+        orders = self._orders.tobytes()
+        self._past.append(orders)
+        marks = bytes((self._marks[Team.BLUE], self._marks[Team.RED]))
+        record, self._chain = write_tick(self._chain, orders, marks, self._games.digestible()[0].tobytes())
+        self._marks = {team: Mark(0) for team in Team}
+        self._show()
+        return record
+
+    def _show(self) -> None:
+        """Lay up what each seat is to see of the tick that begins."""
+        cells = self.header.ruleset.side ** 2
+        for team, seen in self._games.observe().items():
+            clock_s = None if self.terms.turn_time_s is None else self._seats[team].bank_s
+            self._shown[team].append(pack(seen, 0, clock_s, cells))
+
+    def _ask_all(self, now_s: float) -> list[Event]:
+        events: list[Event] = []
+        for team, seat in self._seats.items():
+            seat.has_answered, seat.asked_at_s = False, now_s
+            if seat.away_since_s is None:
+                events.append(self._ask(team))
+        events.append(Publish())
+        return events
+
+    def _ask(self, team: Team) -> Ask:
+        return Ask(team=team, tick=len(self._past), observation=self._shown[team][-1])
+
+    def _forfeit(self, losers: Iterable[Team], why: str) -> list[Event]:
+        teams = list(losers)
+        winner = teams[0].other if len(teams) == 1 else None
+        score = 0 if winner is None else WIN if winner is Team.BLUE else -WIN
+        names = " and ".join(team.name.lower() for team in teams)
+        return self._end(
+            MatchResult(ending=Ending.FORFEIT, winner=winner, score=score, ticks=self.tick, reason=f"{names} {why}")
+        )
+
+    def _end(self, result: MatchResult) -> list[Event]:
+        self.phase, self.result = Phase.OVER, result
+        return [Write(data=write_ending(self._chain, result)), End(result=result)]

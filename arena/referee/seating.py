@@ -1,0 +1,119 @@
+"""Who sits where: from those who wait for a seat to matches with two. Pure; `service` talks."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+from arena.game.types import Team
+from arena.protocol.messages import Closed, JoinRequest, Refusal, Wait
+from arena.referee.local import MatchPlan
+
+SeatId = tuple[str, int]
+"""A client process and one of its slots."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pairing:
+    """A match that can begin."""
+
+    plan: MatchPlan
+    seats: dict[Team, SeatId]
+
+
+class Seating(Protocol):
+    """Decides who plays whom."""
+
+    def place(self, seat: SeatId, request: JoinRequest) -> Pairing | Wait | Refusal | Closed:
+        """Take a request, perhaps one that was taken before; a pairing may hold other seats that waited."""
+
+    def forget(self, seat: SeatId) -> None:
+        """A seat that waited is gone."""
+
+    @property
+    def is_done(self) -> bool:
+        """Whether no match will begin any more."""
+
+
+class OpenSeating:
+    """Whoever comes: a match begins when a red and a blue seat are taken."""
+
+    def __init__(self, make_plan: Callable[[str, str], MatchPlan], n_matches: int | None) -> None:
+        self._make_plan, self._left = make_plan, n_matches
+        self._waiting: dict[Team, tuple[SeatId, str]] = {}
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the last match has begun."""
+        return self._left == 0
+
+    def close(self) -> None:
+        """Begin no more matches."""
+        self._left = 0
+
+    def place(self, seat: SeatId, request: JoinRequest) -> Pairing | Wait | Refusal | Closed:
+        """Seat a client on the team that it wants, if it is free."""
+        if self.is_done:
+            return Closed(reason="the pit begins no more matches")
+        own = next((team for team, (other, _) in self._waiting.items() if other == seat), None)
+        if own is None:
+            wanted = list(Team) if request.team == "any" else [Team[request.team.upper()]]
+            free = [team for team in wanted if team not in self._waiting]
+            if not free:
+                name = self._waiting[wanted[0]][1]
+                other = wanted[0].other.name.lower()
+                hint = "it is free" if wanted[0].other not in self._waiting else "it is taken as well"
+                return Refusal(reason=f"{wanted[0].name.lower()} is taken, by {name}; try {other}: {hint}")
+            self._waiting[free[0]] = (seat, request.name)
+        if len(self._waiting) < len(Team):
+            return Wait(reason="for an opponent")
+        (blue, blue_name), (red, red_name) = self._waiting[Team.BLUE], self._waiting[Team.RED]
+        self._waiting.clear()
+        if self._left is not None:
+            self._left -= 1
+        return Pairing(self._make_plan(blue_name, red_name), {Team.BLUE: blue, Team.RED: red})
+
+    def forget(self, seat: SeatId) -> None:
+        """Free the team that a seat waited on."""
+        self._waiting = {team: waiting for team, waiting in self._waiting.items() if waiting[0] != seat}
+
+
+class PlannedSeating:
+    """The matches of a league, in its order as far as those who play them are there."""
+
+    def __init__(self, plans: Iterable[MatchPlan]) -> None:
+        self._plans = list(plans)
+        self._entries = {name for plan in self._plans for name in (plan.blue, plan.red)}
+        self._waiting: dict[SeatId, str] = {}
+
+    @property
+    def is_done(self) -> bool:
+        """Whether every match has begun."""
+        return not self._plans
+
+    def place(self, seat: SeatId, request: JoinRequest) -> Pairing | Wait | Refusal | Closed:
+        """Begin the first match for whose entries seats are waiting."""
+        if request.name not in self._entries:
+            return Refusal(reason=f"{request.name} is no entry of this league")
+        self._waiting[seat] = request.name
+        for index, plan in enumerate(self._plans):
+            if request.name in (plan.blue, plan.red):
+                seats = self._find(plan)
+                if seats:
+                    del self._plans[index]
+                    for taken in seats.values():
+                        del self._waiting[taken]
+                    return Pairing(plan, seats)
+        if not any(request.name in (plan.blue, plan.red) for plan in self._plans):
+            self._waiting.pop(seat)
+            return Closed(reason=f"all matches of {request.name} have begun")
+        return Wait(reason="for an opponent")
+
+    def _find(self, plan: MatchPlan) -> dict[Team, SeatId] | None:
+        """Return seats for both entries of a plan, if they are waiting."""
+        blue = next((seat for seat, name in self._waiting.items() if name == plan.blue), None)
+        red = next((seat for seat, name in self._waiting.items() if name == plan.red and seat != blue), None)
+        return {Team.BLUE: blue, Team.RED: red} if blue and red else None
+
+    def forget(self, seat: SeatId) -> None:
+        """Take a seat off the list."""
+        self._waiting.pop(seat, None)

@@ -1,0 +1,81 @@
+"""A pit that is open: a router, a referee, and whoever comes."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+
+from arena.address import Address
+from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
+from arena.game.ruleset import Ruleset
+from arena.referee.local import MatchPlan
+from arena.referee.match import Terms
+from arena.referee.seating import OpenSeating
+from arena.referee.service import Played, Referee
+from arena.transport import open_router
+
+_DRAIN_S = 8.0
+"""How long running matches may go on after the pit was told to stop; what is left then can be resumed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PitSettings:
+    """What `arena serve` is told."""
+
+    listen: str
+    address: Address
+    ruleset: Ruleset
+    secret: bytes
+    terms: Terms
+    journals: Path
+    n_matches: int | None = None
+    fsync: bool = False
+
+
+class Pit:
+    """An open pit; `stop` ends it from a signal."""
+
+    def __init__(self, settings: PitSettings) -> None:
+        self._settings = settings
+        self._stopped_at_s: float | None = None
+        self._referee: Referee | None = None
+        existing = sum(1 for _ in settings.journals.glob("*.journal")) if settings.journals.exists() else 0
+        self._numbers = count(existing)
+        self._seating = OpenSeating(self._make_plan, settings.n_matches)
+
+    def stop(self) -> None:
+        """Begin no more matches; a second call does not wait for those that run."""
+        if self._stopped_at_s is None:
+            self._stopped_at_s = time.monotonic()
+            self._seating.close()
+        elif self._referee is not None:
+            self._referee.stop()
+
+    def run(self, on_open: Callable[[int], None], on_end: Callable[[Played], None]) -> int:
+        """Serve until stopped, or until the last match is over; return how many matches were left to be resumed."""
+        settings = self._settings
+        with open_router(settings.listen) as session:
+            referee = Referee(
+                session, settings.address.pit, settings.ruleset, self._seating, settings.terms, settings.journals,
+                on_end=on_end, fsync=settings.fsync,
+            )  # fmt: skip
+            self._referee = referee
+            on_open(referee.resume(lambda _: True))
+            try:
+                referee.run(lambda: self._is_over(referee))
+                return referee.n_running
+            finally:
+                referee.close()
+
+    def _is_over(self, referee: Referee) -> bool:
+        if self._stopped_at_s is not None and time.monotonic() - self._stopped_at_s > _DRAIN_S:
+            return True
+        return self._seating.is_done and referee.n_running == 0
+
+    def _make_plan(self, blue: str, red: str) -> MatchPlan:
+        """Plan a match of its own: no map is played twice here, since whoever comes may remember."""
+        identity = f"{self._settings.address.pit}/{next(self._numbers):06}/{blue}/{red}"
+        secret = self._settings.secret
+        keys = MatchKeys(map_key=derive_map_key(secret, identity, 0), match_key=derive_match_key(secret, identity))
+        return MatchPlan(identity=identity, blue=blue, red=red, keys=keys)

@@ -1,0 +1,137 @@
+"""Zenoh, and nothing else of ours knows it: a session, its publishers, and callbacks that only pass bytes on.
+
+Set as measured on 1.10: congestion control BLOCK, since DROP lost turns under load; a peer that does not read is waited for
+20 ms and then cut off, since it held `put` for 5 s; no scouting, so that nobody meets by accident.
+"""
+
+import json
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+import zenoh
+from zenoh.handlers import Callback
+
+from arena.errors import InputError, LostPitError
+
+Put = Callable[[bytes], None]
+OnData = Callable[[str, bytes], None]
+"""Told the key and the payload, on a thread of Zenoh's: it may only enqueue."""
+_WAIT_BEFORE_CLOSE_US = 20_000
+_OPEN_TIMEOUT_MS = 3_000
+
+
+class Question:
+    """A query that waits for its answer; it may be answered later, from any thread."""
+
+    def __init__(self, query: zenoh.Query, key: str) -> None:
+        self._query, self._key = query, key
+        self.payload = query.payload.to_bytes() if query.payload is not None else b""
+
+    def answer(self, payload: bytes) -> None:
+        """Answer, and be done with it."""
+        self._query.reply(self._key, payload, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
+        self._query.drop()
+
+
+OnQuestion = Callable[[Question], None]
+
+
+class Session:
+    """One Zenoh session, closed by `with`."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+
+    def __enter__(self) -> "Session":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._session.close()
+
+    def publisher(self, key: str) -> tuple[Put, Callable[[], None]]:
+        """Return what publishes on `key`, and what ends it."""
+        publisher = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
+        return publisher.put, publisher.undeclare
+
+    def subscribe(self, key: str, on_data: OnData) -> Callable[[], None]:
+        """Pass on every sample of `key`; return what ends it."""
+
+        def heard(sample: zenoh.Sample) -> None:
+            on_data(str(sample.key_expr), sample.payload.to_bytes())
+
+        return self._session.declare_subscriber(key, Callback(heard, indirect=False)).undeclare
+
+    def answer(self, key: str, on_question: OnQuestion) -> Callable[[], None]:
+        """Pass on every query of `key`; return what ends it."""
+        return self._session.declare_queryable(
+            key, Callback(lambda query: on_question(Question(query, key)), indirect=False)
+        ).undeclare
+
+    def ask(self, key: str, payload: bytes, on_answer: Callable[[bytes], None], timeout_s: float) -> None:
+        """Ask, and pass the answer on; nothing is passed on if none comes in time."""
+
+        def heard(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                on_answer(reply.ok.payload.to_bytes())
+
+        self._session.get(key, Callback(heard, indirect=False), payload=payload, timeout=timeout_s)
+
+    def declare_presence(self, key: str) -> Callable[[], None]:
+        """Say that this process is there, until the session ends or what is returned is called."""
+        return self._session.liveliness().declare_token(key).undeclare
+
+    def watch_presence(self, key: str, on_change: Callable[[str, bool], None]) -> Callable[[], None]:
+        """Pass on who came (True) and who went (False), those who are there already first."""
+
+        def changed(sample: zenoh.Sample) -> None:
+            on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        return self._session.liveliness().declare_subscriber(key, Callback(changed, indirect=False), history=True).undeclare
+
+
+def open_router(endpoint: str) -> Session:
+    """Listen at an endpoint such as tcp/127.0.0.1:7447, as the router that clients connect to."""
+    return _open("router", {"listen/endpoints": [endpoint]}, f"cannot listen at {endpoint}")
+
+
+def open_client(endpoint: str) -> Session:
+    """Connect to the router at an endpoint."""
+    return _open(
+        "client",
+        {"connect/endpoints": [endpoint], "connect/timeout_ms": _OPEN_TIMEOUT_MS, "connect/exit_on_failure": True},
+        f"no pit answers at {endpoint}",
+    )
+
+
+def _open(mode: str, settings: dict[str, Any], failure: str) -> Session:
+    config = zenoh.Config()
+    common = {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": _WAIT_BEFORE_CLOSE_US,
+        "adminspace/enabled": False,
+    }
+    try:
+        for key, value in {**common, **settings}.items():
+            config.insert_json5(key, json.dumps(value))
+    except zenoh.ZError as error:
+        raise InputError(f"{failure}: {error}") from error
+    zenoh.init_log_from_env_or("error" if mode == "router" else "off")
+    try:
+        return Session(zenoh.open(config))
+    except zenoh.ZError as error:
+        raise (InputError if mode == "router" else LostPitError)(f"{failure}: {_reason(str(error))}") from error
+
+
+def _reason(text: str) -> str:
+    """Return the part of Zenoh's error that a person can use."""
+    for known, said in (
+        ("Address already in use", "the port is in use"),
+        ("Unable to connect", f"nobody let us in within {_OPEN_TIMEOUT_MS / 1000:.0f} s"),
+        ("Permission denied", "permission denied"),
+    ):
+        if known in text:
+            return said
+    return text.partition(" at /")[0].splitlines()[0]

@@ -1,0 +1,253 @@
+"""A client process: one connection, one thread, one or more seats that play match after match.
+
+It loses nothing but time when the pit goes away: it connects anew, asks for the seats that it held, and answers again what it
+has answered before.
+"""
+
+import logging
+import time
+import uuid
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+
+import numpy as np
+
+from arena.errors import LostPitError, RefusedError, UnreadableError
+from arena.game.ruleset import load as load_rules
+from arena.game.types import RULES_VERSION, Team
+from arena.observation import Observations
+from arena.policy import BatchFactory, BatchPolicy
+from arena.protocol import topics
+from arena.protocol.codec import decode, encode
+from arena.protocol.messages import Closed, JoinRequest, Message, Refusal, Ticket, Wait
+from arena.protocol.sealing import OpenSeal
+from arena.transport import Put, Session, open_client
+from clients.seat import Seat
+
+logger = logging.getLogger(__name__)
+
+ANSWER_S = 8.0
+"""A pit that lives answers a question within this time, if only with Wait."""
+SILENCE_S = 2.0
+"""A seat that hears nothing for so long asks whether its match still runs."""
+PROBE_S = 2.0
+_TICK_S = 0.25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """How a client plays."""
+
+    endpoint: str
+    pit: str
+    name: str
+    team: str
+    make: BatchFactory
+    n_matches: int | None
+    """None plays until the pit has no more matches."""
+    n_slots: int = 1
+    """Seats that it may hold at once."""
+    patience_s: float = 60.0
+    """How long it tries to reach a pit that it has lost."""
+    rules_hash: str = ""
+
+
+class _Slot:
+    """A place for one seat at a time."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self.seat: Seat | None = None
+        self.put: Put | None = None
+        self.leave = ExitStack()
+        self.seal = OpenSeal()
+        self.is_done = False
+        self.asked_at_s: float | None = None
+        self.ask_limit_s = ANSWER_S
+        self.heard_at_s = 0.0
+
+    def free(self) -> None:
+        """Let go of the seat."""
+        self.leave.close()
+        self.seat, self.put = None, None
+
+
+def warm(make: BatchFactory) -> None:
+    """Compile what one of our own fighters needs, before anybody waits for it. A stranger's bot is left alone."""
+    if not (isinstance(make, type) and issubclass(make, BatchPolicy)):
+        return
+    ruleset = load_rules("paper")
+    own, enemy = len(ruleset.team(Team.BLUE)), len(ruleset.team(Team.RED))
+    nothing = Observations(
+        team=Team.BLUE, side=ruleset.side, tick=np.zeros(1, np.int32), ground=np.zeros((1, ruleset.side**2), np.int8),
+        cell=np.zeros((1, own), np.int16), alive=np.ones((1, own), np.uint8), enemy_cell=np.full((1, enemy), -1, np.int16),
+        enemy_flies=np.zeros((1, enemy), np.uint8), enemy_type=np.full((1, enemy), -1, np.int8),
+        living=np.array([[own, enemy]], np.int16), score=np.zeros(1, np.int16), seed=np.zeros(1, np.uint64),
+    )  # fmt: skip
+    policy = make(ruleset, Team.BLUE, 1)
+    policy.start(np.zeros(1, np.intp))
+    policy.act(nothing, np.zeros((1, own), np.int8))
+
+
+class Runner:
+    """Plays until there is nothing more to play."""
+
+    def __init__(
+        self, settings: Settings, *, on_seat: Callable[[Seat], None], on_end: Callable[[Seat], None], on_wait: Callable[[str], None]
+    ) -> None:
+        self._settings = settings
+        self._on_seat, self._on_end, self._on_wait = on_seat, on_end, on_wait
+        self._client = uuid.uuid4().hex
+        self._slots = [_Slot(number) for number in range(settings.n_slots)]
+        self._inbox: SimpleQueue[tuple[str, int, bytes]] = SimpleQueue()
+        self._n_begun = self._n_ended = 0
+        self._is_stopping = False
+
+    def stop(self) -> None:
+        """Leave `run` soon; from a signal."""
+        self._is_stopping = True
+
+    def run(self) -> int:
+        """Play, and return how many matches ended.
+
+        Raises
+        ------
+        LostPitError
+            The pit could not be reached for `patience_s`.
+        RefusedError
+            The pit does not let this client play.
+        """
+        warm(self._settings.make)
+        lost_at_s: float | None = None
+        while not self._is_done():
+            try:
+                with open_client(self._settings.endpoint) as session:
+                    lost_at_s = None
+                    self._serve(session)
+            except LostPitError:
+                now_s = time.monotonic()
+                if lost_at_s is None and not self._has_played():
+                    raise
+                lost_at_s = lost_at_s or now_s
+                if now_s - lost_at_s > self._settings.patience_s:
+                    raise
+            if not self._is_done():
+                lost_at_s = lost_at_s or time.monotonic()
+                self._on_wait("the pit to come back")
+        return self._n_ended
+
+    def _has_played(self) -> bool:
+        return self._n_begun > 0 or any(slot.asked_at_s is not None for slot in self._slots)
+
+    def _is_done(self) -> bool:
+        return self._is_stopping or all(slot.is_done for slot in self._slots)
+
+    def _serve(self, session: Session) -> None:
+        """Play over one connection, until all is played or the pit is lost."""
+        settings = self._settings
+        session.declare_presence(topics.presence(settings.pit, settings.name, self._client))
+        for slot in self._slots:
+            slot.leave.close()
+            slot.put, slot.asked_at_s = None, None
+        try:
+            while not self._is_done():
+                now_s = time.monotonic()
+                if not self._keep_asking(session, now_s):
+                    return
+                try:
+                    kind, number, payload = self._inbox.get(timeout=_TICK_S)
+                except Empty:
+                    continue
+                slot = self._slots[number]
+                if kind == "turn":
+                    self._on_turn(slot, payload)
+                else:
+                    self._on_answer(session, slot, payload)
+        finally:
+            for slot in self._slots:
+                slot.leave.close()
+
+    def _keep_asking(self, session: Session, now_s: float) -> bool:
+        """Ask for what is missing; False if the pit does not answer any more."""
+        for slot in self._slots:
+            if slot.is_done:
+                continue
+            if slot.asked_at_s is not None:
+                if now_s - slot.asked_at_s > slot.ask_limit_s:
+                    return False
+            elif slot.seat is None or slot.put is None or now_s - slot.heard_at_s > SILENCE_S:
+                self._ask(session, slot, now_s)
+        return True
+
+    def _ask(self, session: Session, slot: _Slot, now_s: float) -> None:
+        """Ask for a seat, or, with one, whether the match still runs."""
+        settings = self._settings
+        if slot.seat is None and settings.n_matches is not None and self._n_begun >= settings.n_matches:
+            slot.is_done = True
+            return
+        team = settings.team if slot.seat is None else slot.seat.team.name.lower()
+        request = JoinRequest(
+            rules_version=RULES_VERSION, name=settings.name, team=team, client=self._client, slot=slot.number,
+            rules_hash=settings.rules_hash,
+        )  # fmt: skip
+        slot.asked_at_s, slot.ask_limit_s = now_s, ANSWER_S if slot.seat is None else PROBE_S
+        number = slot.number
+        session.ask(
+            topics.join(settings.pit), encode(request), lambda data: self._inbox.put(("answer", number, data)), slot.ask_limit_s
+        )
+
+    def _on_answer(self, session: Session, slot: _Slot, payload: bytes) -> None:
+        slot.asked_at_s = None
+        slot.heard_at_s = time.monotonic()
+        try:
+            message: Message = decode(payload)
+        except UnreadableError as error:
+            raise RefusedError(f"the pit cannot be understood: {error}") from error
+        if isinstance(message, Ticket):
+            self._sit_down(session, slot, message)
+        elif isinstance(message, Refusal):
+            raise RefusedError(f"the pit says no: {message.reason}")
+        elif isinstance(message, Closed):
+            slot.free()
+            slot.is_done = True
+        elif isinstance(message, Wait):
+            if slot.seat is not None:
+                logger.warning("match %s is gone", slot.seat.ticket.match)
+                slot.free()
+            self._on_wait(message.reason)
+
+    def _sit_down(self, session: Session, slot: _Slot, ticket: Ticket) -> None:
+        """Take a seat, or the same one again, and say so to the referee."""
+        if slot.seat is None or slot.seat.ticket.match != ticket.match:
+            slot.free()
+            slot.seat = Seat(ticket, self._settings.make)
+            self._n_begun += 1
+            self._on_seat(slot.seat)
+        if slot.put is None:
+            pit, team, number = self._settings.pit, slot.seat.team, slot.number
+            slot.put, end = session.publisher(topics.action(pit, ticket.match, team))
+            slot.leave.callback(end)
+            slot.leave.callback(
+                session.subscribe(
+                    topics.observation(pit, ticket.match, team), lambda _, data: self._inbox.put(("turn", number, data))
+                )
+            )
+        slot.put(slot.seal.close(encode(slot.seat.ready())))
+
+    def _on_turn(self, slot: _Slot, payload: bytes) -> None:
+        if slot.seat is None or slot.put is None:
+            return
+        try:
+            answer = slot.seat.receive(decode(slot.seal.open(payload)))
+        except UnreadableError as error:
+            logger.warning("the referee sent what cannot be read: %s", error)
+            return
+        slot.heard_at_s = time.monotonic()
+        if answer is not None:
+            slot.put(slot.seal.close(encode(answer)))
+        if slot.seat.ended is not None:
+            self._n_ended += 1
+            self._on_end(slot.seat)
+            slot.free()
