@@ -1,9 +1,10 @@
 """What commands say, and how: tables, JSON, progress."""
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from typing import Annotated
 
 import typer
@@ -65,3 +66,18 @@ def progress_bar(total: int, what: str) -> Iterator[Callable[[int], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(what, total=total)
         yield lambda n: progress.advance(task, n)
+
+
+@contextmanager
+def stdout_to_stderr() -> Iterator[None]:
+    """Send all that is printed to stderr, by whatever means, so that a stranger's code cannot spoil what the command says."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        sys.stdout.flush()  # who kept hold of it may have written
+        os.dup2(kept, 1)
+        os.close(kept)

@@ -6,7 +6,9 @@ the rules of the game, and the kernels of the package that it stands in.
 """
 
 import hashlib
+import logging
 import os
+import tempfile
 from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
@@ -19,10 +21,15 @@ from platformdirs import user_cache_path
 
 P = ParamSpec("P")
 R = TypeVar("R")
+logger = logging.getLogger(__name__)
 
 
 @cache
-def _cache_folder(package: str) -> str:
+def _cache_folder(package: str) -> str | None:
+    """Return where the kernels of a package are cached, or None where nothing can be written.
+
+    There numba would go on to its own places, whose keys notice too little.
+    """
     digest = hashlib.sha256()
     for name in sorted({"arena", package}):
         spec = find_spec(name)
@@ -32,7 +39,18 @@ def _cache_folder(package: str) -> str:
                 if source.parent.name == "game" or b"import jit" in text:
                     digest.update(source.name.encode() + b"\0" + text)
     root = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("arena") / "kernels")
-    return str(root / digest.hexdigest()[:16])
+    return str(root / digest.hexdigest()[:16]) if _can_write(root) else None
+
+
+@cache
+def _can_write(root: Path) -> bool:
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=root).close()
+    except OSError as error:
+        logger.warning("kernels are compiled anew at each start: cannot write to %s: %s", root, error.strerror)
+        return False
+    return True
 
 
 def jit(*, inline: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -50,8 +68,10 @@ def jit(*, inline: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
         options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
         if inline:
             return numba.njit(forceinline=True, **options)(function)  # type: ignore[no-any-return]
-        before = config.CACHE_DIR
-        config.CACHE_DIR = _cache_folder(function.__module__.partition(".")[0])
+        folder = _cache_folder(function.__module__.partition(".")[0])
+        if folder is None:
+            return numba.njit(**options)(function)  # type: ignore[no-any-return]
+        before, config.CACHE_DIR = config.CACHE_DIR, folder
         try:
             return numba.njit(cache=True, **options)(function)  # type: ignore[no-any-return]
         finally:

@@ -42,6 +42,15 @@ class Session:
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
+        self._routers = self._find_routers()
+        self._tokens: list[zenoh.LivelinessToken] = []  # one that nobody holds is withdrawn
+
+    def _find_routers(self) -> list[str]:
+        return [str(router) for router in self._session.info.routers_zid()]
+
+    def is_connected(self) -> bool:
+        """Whether this client still has the router that it connected to, and not another that took its place."""
+        return self._find_routers() == self._routers
 
     def __enter__(self) -> "Session":
         return self
@@ -77,9 +86,9 @@ class Session:
 
         self._session.get(key, Callback(heard, indirect=False), payload=payload, timeout=timeout_s)
 
-    def declare_presence(self, key: str) -> Callable[[], None]:
-        """Say that this process is there, until the session ends or what is returned is called."""
-        return self._session.liveliness().declare_token(key).undeclare
+    def declare_presence(self, key: str) -> None:
+        """Say that this process is there, until the session ends."""
+        self._tokens.append(self._session.liveliness().declare_token(key))
 
     def watch_presence(self, key: str, on_change: Callable[[str, bool], None]) -> Callable[[], None]:
         """Pass on who came (True) and who went (False), those who are there already first."""

@@ -53,7 +53,7 @@ def join(
     def on_wait(reason: str) -> None:
         if reason not in said:
             said.add(reason)
-            typer.echo(f"{settings.name} waits {reason if reason.startswith('for') else f'for {reason}'}", err=True)
+            typer.echo(f"{settings.name} waits {reason}", err=True)
 
     runner = Runner(settings, on_seat=_say_seat, on_end=_say_end, on_wait=on_wait)
     signal.signal(signal.SIGTERM, lambda *_: runner.stop())

@@ -135,7 +135,7 @@ class Runner:
                     raise
             if not self._is_done():
                 lost_at_s = lost_at_s or time.monotonic()
-                self._on_wait("the pit to come back")
+                self._on_wait("for the pit to come back")
         return self._n_ended
 
     def _has_played(self) -> bool:
@@ -151,11 +151,14 @@ class Runner:
         for slot in self._slots:
             slot.leave.close()
             slot.put, slot.asked_at_s = None, None
+        checked_at_s = 0.0
         try:
             while not self._is_done():
                 now_s = time.monotonic()
-                if not self._keep_asking(session, now_s):
-                    return
+                if now_s - checked_at_s > _TICK_S:
+                    checked_at_s = now_s
+                    if not session.is_connected() or not self._keep_asking(session, now_s):
+                        return
                 try:
                     kind, number, payload = self._inbox.get(timeout=_TICK_S)
                 except Empty:
@@ -165,6 +168,8 @@ class Runner:
                     self._on_turn(slot, payload)
                 else:
                     self._on_answer(session, slot, payload)
+                if slot.seat is None:
+                    checked_at_s = 0.0  # ask again at once
         finally:
             for slot in self._slots:
                 slot.leave.close()
@@ -210,6 +215,7 @@ class Runner:
         elif isinstance(message, Refusal):
             raise RefusedError(f"the pit says no: {message.reason}")
         elif isinstance(message, Closed):
+            self._on_wait(f"no more: {message.reason}")
             slot.free()
             slot.is_done = True
         elif isinstance(message, Wait):

@@ -1,6 +1,7 @@
 """Read a bot from a file of its author's: a function `act(observation)`, or a class with a method `act`."""
 
 import importlib.util
+import os
 import sys
 import traceback
 from hashlib import sha256
@@ -58,7 +59,7 @@ def _import(path: Path) -> ModuleType:
         raise PolicyError(f"{path} is not Python: {error}") from error
     if str(place.parent) not in sys.path:
         sys.path.append(str(place.parent))
-    name = f"bot_{place.stem}_{sha256(str(place).encode()).hexdigest()[:8]}"  # two bots may share a file name
+    name = f"bot_{place.stem}_{sha256(os.fsencode(place)).hexdigest()[:8]}"  # two bots may share a file name
     module = ModuleType(name)
     module.__file__ = str(place)
     module.__spec__ = importlib.util.spec_from_file_location(name, place)

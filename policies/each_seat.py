@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import arena.policy
 from arena.game.ruleset import Ruleset
-from arena.game.types import Team
+from arena.game.types import Action, Team
 from arena.observation import Observation, Observations
 from arena.policy import Act, BatchPolicy, Faults, MatchInfo, MatchResult, Orders, read_actions
 
@@ -34,19 +34,23 @@ class EachSeat(BatchPolicy):
         self._bots: list[Any] = [None] * n_seats
         self._faults = [Faults() for _ in range(n_seats)]
         self._is_started = np.zeros(n_seats, np.bool_)
+        self._is_over = np.zeros(n_seats, np.bool_)
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Make a fresh bot for each of `seats`, and tell it where it plays."""
         for seat in np.arange(self.n_seats)[seats].tolist():
-            self._is_started[seat] = True
+            self._is_started[seat], self._is_over[seat] = True, False
             self._faults[seat] = Faults()
             self._bots[seat] = self._ask(seat, self._make)
             self._tell(seat, "start", MatchInfo(ruleset=self.ruleset, team=self.team))
 
     def act(self, observations: Observations, orders: Orders) -> None:
-        """Ask each bot; a seat without a readable answer gets UNREADABLE."""
-        self.start(np.flatnonzero(~self._is_started))
+        """Ask each bot; a seat without a readable answer gets UNREADABLE, and one whose match has ended is not asked."""
+        self.start(np.flatnonzero(~self._is_started & ~self._is_over))
         for seat in range(len(observations)):
+            if self._is_over[seat]:
+                orders[seat] = Action.STAY
+                continue
             actions = self._ask(seat, self._actions, seat, observations.seat(seat, self.ruleset), orders.shape[1])
             orders[seat] = UNREADABLE if actions is None else actions
 
@@ -54,7 +58,7 @@ class EachSeat(BatchPolicy):
         """Tell the bot of `seat`, and let it go."""
         self._tell(seat, "end", result)
         self._bots[seat] = None
-        self._is_started[seat] = False
+        self._is_started[seat], self._is_over[seat] = False, True
 
     def take_faults(self, seat: int) -> Faults:
         """Return what went wrong on `seat` since its match began, and forget it."""

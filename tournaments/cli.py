@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arena.console import AsJson, complete_ruleset, print_json, print_table, progress_bar
+from arena.console import AsJson, complete_ruleset, print_json, print_table, progress_bar, stdout_to_stderr
 from arena.errors import InputError
 from policies.cli import complete_policy
 
@@ -40,13 +40,14 @@ def play(
 
     ruleset = _ruleset(rules, settings or [], board)
     specs = _entries(one, other)
-    for spec in specs.values():
-        load(spec)
+    with stdout_to_stderr():
+        for spec in specs.values():
+            load(spec)
     seed = secrets.randbelow(2**53) if seed is None else seed
     first, second = specs
     plans = plan_fixture("play", first, second, pairs, secret_from_seed(seed))
     finder = partial(load_entry, specs)
-    with progress_bar(len(plans), f"{first} against {second}") as advance:
+    with stdout_to_stderr(), progress_bar(len(plans), f"{first} against {second}") as advance:
         records = []
         for record in play_matches(ruleset, plans, finder, journals=journals, n_workers=workers):
             records.append(record)
@@ -71,6 +72,7 @@ def load_entry(specs: dict[str, str], name: str) -> "BatchFactory":
 def _entries(one: str, other: str) -> dict[str, str]:
     """Name two entries by their fighters: a bot file by its stem, the second of two alike with a -2."""
     names = [Path(spec).stem if spec.endswith(".py") else spec for spec in (one, other)]
+    names = [name.encode("utf-8", "replace").decode() for name in names]  # a file's name may be no text
     if names[0] == names[1]:
         names[1] += "-2"
     return dict(zip(names, (one, other), strict=True))

@@ -4,20 +4,19 @@ Matches of one pairing fill the rows of a batch; a row whose match has ended tak
 that a match is made of depends on its row, on the batch or on the process: its journal is the same however it is run.
 """
 
-import multiprocessing
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from hashlib import sha256
 from itertools import groupby, islice
 from pathlib import Path
 
 import numpy as np
 
-from arena.errors import ArenaError
+from arena.errors import InputError
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
@@ -25,6 +24,7 @@ from arena.games import Games
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.referee.journal import Header, Mark, save_journal, write_ending, write_start
 from arena.referee.replay import match_result
+from arena.referee.workers import work
 
 ROWS = 512
 """Matches in a batch: enough to make the cost of a tick in Python small beside that of the games."""
@@ -73,25 +73,33 @@ def play(
         Folder to write each match's journal into; without it, records carry them.
     n_workers
         Processes; by default one per core that this process may use, as far as there is work for them.
+
+    Raises
+    ------
+    InputError
+        A journal cannot be written.
+    ArenaError
+        A worker died.
     """
     if journals is not None:
-        journals.mkdir(parents=True, exist_ok=True)
+        _make_folder(journals)
     tasks = list(_split(plans))
     n_workers = min(n_workers or len(os.sched_getaffinity(0)), len(tasks))
     if n_workers <= 1:
         for task in tasks:
             yield from _play_task(ruleset, task, load, journals)
         return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(n_workers, mp_context=context) as pool:
-        running = [pool.submit(_play_whole_task, ruleset, task, load, journals) for task in tasks]
-        try:
-            for done in as_completed(running):
-                yield from done.result()
-        except BrokenProcessPool as error:
-            raise ArenaError("a worker died: a fighter ended its process, or the machine ran out of memory") from error
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+    for records in work([partial(_play_whole_task, ruleset, task, load, journals) for task in tasks], n_workers):
+        yield from records
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise InputError(f"cannot keep journals in {folder}: it is no folder") from error
+    except OSError as error:
+        raise InputError(f"cannot keep journals in {folder}: {error.strerror}") from error
 
 
 def _split(plans: Sequence[MatchPlan]) -> Iterator[list[MatchPlan]]:
@@ -121,7 +129,10 @@ def _save(records: Iterator[MatchRecord], folder: str) -> Iterator[MatchRecord]:
 
     def write(some: list[MatchRecord]) -> list[MatchRecord]:
         for record in some:
-            save_journal(folder, record.plan.identity, record.journal or b"")
+            try:
+                save_journal(folder, record.plan.identity, record.journal or b"")
+            except OSError as error:
+                raise InputError(f"cannot write the journal of {record.plan.identity} in {folder}: {error.strerror}") from error
         return [replace(record, journal=None) for record in some]
 
     with ThreadPoolExecutor(1) as writer:

@@ -10,10 +10,10 @@ from worlds import SEEDS, bytes_of, copy_of, random_orders, rulesets, scatter
 
 from arena.game.kernel import DEFAULT_SHAPE, observe, step
 from arena.game.keys import MatchKeys
-from arena.games import Games
 from arena.game.ruleset import Ruleset, load
 from arena.game.state import Rule
 from arena.game.types import Team
+from arena.games import Games
 
 DEFAULTS = ("paper", "gym-cap", "mirror")
 

@@ -7,10 +7,10 @@ from worlds import drawing, facts_of, lay, picture, rules_for
 from arena.errors import BoardError, RulesetError
 from arena.game.board import parse_board
 from arena.game.keys import MatchKeys
-from arena.games import Games
 from arena.game.ruleset import from_dict, load
 from arena.game.state import Fact
 from arena.game.types import Team
+from arena.games import Games
 
 LETTERS = """
     F . # . . .

@@ -11,10 +11,10 @@ from worlds import SEEDS, is_near, rulesets
 
 from arena.errors import BoardError
 from arena.game.keys import MatchKeys, board_key
-from arena.games import Games
 from arena.game.ruleset import RULESETS, Ruleset, load
 from arena.game.state import Fact
 from arena.game.types import Code, Ending, Team
+from arena.games import Games
 
 EYE = {"step": 1, "sight": 1, "flies": True, "blue": 1, "red": 1}
 

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from worlds import is_near, lay, rules_for, scatter, to_match
 
-from arena.games import Games
 from arena.game.ruleset import Ruleset, UnitType
 from arena.game.state import Fact
 from arena.game.types import Team
+from arena.games import Games
 
 N = 40_000
 HOME_AND_AWAY = "F . . f\n. U u .\n. . . .\n. . . ."

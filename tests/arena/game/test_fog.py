@@ -39,7 +39,7 @@ class Moved:
 def another_truth(games: Games, team: Team, rng: np.random.Generator) -> Moved:
     """Return another state of row 0 that agrees in the team's own units, the cells in its sight, and the public facts.
 
-    Changed are: where hidden enemies stand, and which of them have fallen; every hidden cell, flags included; where fallen enemies lie;
+    Changed are: where hidden enemies stand, and which have fallen; every hidden cell, flags included; where the fallen lie;
     which index an enemy in sight has; all keys; and what earlier games left in memory.
     """
     other, kinds = copy_of(games), Counter[str]()

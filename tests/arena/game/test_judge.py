@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from worlds import facts_of, lay, rules_for, settle
 
-from arena.games import Games
 from arena.game.ruleset import Ruleset
 from arena.game.state import Fact
 from arena.game.types import Ending, Team
+from arena.games import Games
 
 BLUE, RED, NOBODY = 0, 1, -1
 

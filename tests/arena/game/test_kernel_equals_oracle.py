@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from worlds import SEEDS, facts_of, facts_of_match, random_orders, rulesets, scatter, to_match
 
-from arena.games import Games
 from arena.game.ruleset import Ruleset, UnitType
 from arena.game.types import STEPS, Code, Ending, Team
+from arena.games import Games
 
 
 @given(rulesets(), SEEDS, st.integers(1, 4))

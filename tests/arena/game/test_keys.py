@@ -20,10 +20,10 @@ from arena.game.keys import (
     secret_from_seed,
     unit_keys,
 )
-from arena.games import Games
 from arena.game.ruleset import load
 from arena.game.state import Fact
 from arena.game.types import Team
+from arena.games import Games
 
 KEYS = st.binary(min_size=32, max_size=32)
 LABELS = ("moves", "fights", "blue seed", "red seed", "board")

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from worlds import SEEDS, facts_of, random_orders, rulesets, scatter
 
-from arena.games import Games
 from arena.game.ruleset import Ruleset
 from arena.game.state import Fact
 from arena.game.types import Code, Team
+from arena.games import Games
 
 EXCHANGED = np.array([1, 0, 4, 5, 2, 3, 7, 6, 8, -1], np.int8)
 """Code of the other team, by code; the last is HIDDEN, -1."""

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from arena.game.board import parse_board
-from arena.games import Games, lay_out
 from arena.game.ruleset import MAX_UNITS, Ruleset, UnitType, load
 from arena.game.state import Fact
 from arena.game.types import FLAGS, HALVES, Code, Ending, Team
+from arena.games import Games, lay_out
 
 SEEDS = st.integers(0, 2**32 - 1)
 
