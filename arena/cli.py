@@ -27,6 +27,7 @@ from arena.errors import ArenaError, InputError, UnknownNameError
 if TYPE_CHECKING:
     from arena.game.ruleset import Ruleset
 
+
 class _Commands(TyperGroup):
     """Sub-commands that are imported when they are asked for; a broken plugin breaks itself alone."""
 

@@ -3,12 +3,18 @@
 import json
 import os
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
-from typing import Annotated
+from io import StringIO
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_LINE_EVERY_S = 5.0
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of a table.")]
 """The option that every command which prints a table takes."""
 
@@ -27,8 +33,26 @@ def print_json(value: object) -> None:
 
 def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Print a table; numbers stand right. On a terminal it fits the width, elsewhere nothing is cut."""
-    from rich.box import SIMPLE_HEAD
     from rich.console import Console
+
+    console = Console()
+    if not console.is_terminal:
+        console.width = 10_000
+    console.print(_table(columns, rows))
+
+
+def format_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return what `print_table` prints where nothing is cut, without colours."""
+    from rich.console import Console
+
+    console = Console(file=StringIO(), width=10_000, no_color=True, force_terminal=False)
+    with console.capture() as capture:
+        console.print(_table(columns, rows))
+    return "".join(line.rstrip() + "\n" for line in capture.get().splitlines())
+
+
+def _table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> "Table":
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
 
@@ -39,10 +63,7 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Non
         table.add_column(column, justify="right" if numbers else "left", overflow="fold")
     for row in values:
         table.add_row(*(Text(_format(value)) for value in row))
-    console = Console()
-    if not console.is_terminal:
-        console.width = 10_000
-    console.print(table)
+    return table
 
 
 def _format(value: object) -> str:
@@ -54,18 +75,57 @@ def _format(value: object) -> str:
 
 
 @contextmanager
-def progress_bar(total: int, what: str) -> Iterator[Callable[[int], None]]:
-    """Show a progress bar on a terminal, and nothing elsewhere; what is yielded counts further."""
+def progress_bar(total: int, what: str, *, each: str = "matches") -> Iterator[Callable[[int], None]]:
+    """Show how far long work is, on stderr: a bar on a terminal, a plain line every few seconds elsewhere.
+
+    What is yielded counts further. The line says the rate of `each` per second, and the time left.
+    """
     if not sys.stderr.isatty():
-        yield lambda _: None
+        yield _Lines(total, what, each).advance
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    begin_s = time.monotonic()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(what, total=total)
-        yield lambda n: progress.advance(task, n)
+        task = progress.add_task(what, total=total, rate="")
+
+        def advance(n: int) -> None:
+            progress.advance(task, n)
+            done, took_s = progress.tasks[0].completed, time.monotonic() - begin_s
+            if took_s > 1:
+                progress.update(task, rate=f"{done / took_s:,.1f} {each}/s")
+
+        yield advance
+
+
+class _Lines:
+    """Progress where there is no terminal."""
+
+    def __init__(self, total: int, what: str, each: str) -> None:
+        self._total, self._what, self._each = total, what, each
+        self._done = 0
+        self._begin_s = self._said_s = time.monotonic()
+
+    def advance(self, n: int) -> None:
+        """Count further, and say so if it is time."""
+        self._done += n
+        now_s = time.monotonic()
+        if now_s - self._said_s < _LINE_EVERY_S:
+            return
+        self._said_s = now_s
+        rate = self._done / (now_s - self._begin_s)
+        left_s = (self._total - self._done) / rate if rate else 0.0
+        typer.echo(
+            f"{self._what}: {self._done:,} of {self._total:,} {self._each}, {rate:,.1f} per s, {left_s:,.0f} s left", err=True
+        )
 
 
 @contextmanager

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from arena.errors import BoardError
 from arena.game.board import Board, parse_board
 from arena.game.draw import MAX_ATTEMPTS, begin
-from arena.game.fog import spot
-from arena.game.kernel import draw_boards, draw_seeds, observe, renew, step, turn
+from arena.game.kernel import draw_boards, observe, renew, sense, step, turn
 from arena.game.keys import MatchKeys, board_key, seat_keys, unit_keys
 from arena.game.ruleset import Ruleset
-from arena.game.state import Fact, State, Tables, Trait, make_state, make_tables
+from arena.game.state import Fact, State, Tables, Trait, make_seen, make_state, make_tables
 from arena.game.types import FLAGS, UAVS, UGVS, Ending, Team
 from arena.observation import Observations
 
@@ -46,6 +45,7 @@ class Games:
         self._rows = np.zeros((2, ruleset.side + 2), np.uint64)
         self._boards = np.zeros((2, n_games, self.state.ground.shape[1]), np.int8)
         self._seat_keys = np.zeros((2, n_games, 2), np.uint32)
+        self._told = [make_seen(n_games, self.n_units[team.other]) for team in Team]
         self._seen = {team: self._make_observations(team) for team in Team}
 
     def start(self, games: Sequence[int] | NDArray[np.intp], keys: Sequence[MatchKeys]) -> None:
@@ -112,15 +112,7 @@ class Games:
 
     def observe(self) -> dict[Team, Observations]:
         """Return what each team sees now, in memory that the next call overwrites."""
-        observe(self.state, self.tables, self._boards, self._rows, False, True)
-        facts = self.state.fact
-        for team, seen in self._seen.items():
-            seen.tick[:] = facts[:, Fact.TICK]
-            seen.living[:, 0] = facts[:, Fact.BLUE_LIVING + team]
-            seen.living[:, 1] = facts[:, Fact.BLUE_LIVING + team.other]
-            seen.score[:] = facts[:, Fact.SCORE] if team is Team.BLUE else -facts[:, Fact.SCORE]
-            spot(self.state, self.tables, int(team), seen.ground, seen.enemy_cell, seen.enemy_flies, seen.enemy_type)
-            draw_seeds(self._seat_keys[team], seen.tick, seen.seed)
+        sense(self.state, self.tables, self._seat_keys, self._boards, self._rows, *self._told)
         return self._seen
 
     def grids(self) -> NDArray[np.int8]:
@@ -154,21 +146,15 @@ class Games:
         return np.concatenate([facts, cells, self.state.alive], axis=1)
 
     def _make_observations(self, team: Team) -> Observations:
-        n, own, enemy = self.n_games, self.n_units[team], self.n_units[team.other]
         first = self.n_units[Team.BLUE] if team is Team.RED else 0
+        own = slice(first, first + self.n_units[team])
         return Observations(
             team=team,
             side=self.ruleset.side,
-            tick=np.zeros(n, np.int32),
             ground=self._boards[team],
-            cell=self.state.cell[:, first : first + own],
-            alive=self.state.alive[:, first : first + own],
-            enemy_cell=np.full((n, enemy), -1, np.int16),
-            enemy_flies=np.zeros((n, enemy), np.uint8),
-            enemy_type=np.full((n, enemy), -1, np.int8),
-            living=np.zeros((n, 2), np.int16),
-            score=np.zeros(n, np.int16),
-            seed=np.zeros(n, np.uint64),
+            cell=self.state.cell[:, own],
+            alive=self.state.alive[:, own],
+            **self._told[team]._asdict(),
         )
 
 

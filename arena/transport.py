@@ -1,11 +1,12 @@
 """Zenoh, and nothing else of ours knows it: a session, its publishers, and callbacks that only pass bytes on.
 
 Set as measured on 1.10: congestion control BLOCK, since DROP lost turns under load; a peer that does not read is waited for
-20 ms and then cut off, since it held `put` for 5 s; no scouting, so that nobody meets by accident.
+50 ms and then cut off, since it held `put` for 5 s; no scouting, so that nobody meets by accident.
 """
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 from typing import Any
 
@@ -13,11 +14,14 @@ import zenoh
 from zenoh.handlers import Callback
 
 from arena.errors import InputError, LostPitError
+from arena.protocol.codec import MOST_BYTES
 
 Put = Callable[[bytes], None]
 OnData = Callable[[str, bytes], None]
 """Told the key and the payload, on a thread of Zenoh's: it may only enqueue."""
-_WAIT_BEFORE_CLOSE_US = 20_000
+_WAIT_BEFORE_CLOSE_US = 50_000
+_BATCHES = 16
+"""In the queue of each peer: the most that Zenoh allows, so that a peer that merely waits for its turn on a busy core is not cut off."""
 _OPEN_TIMEOUT_MS = 3_000
 
 
@@ -26,11 +30,12 @@ class Question:
 
     def __init__(self, query: zenoh.Query, key: str) -> None:
         self._query, self._key = query, key
-        self.payload = query.payload.to_bytes() if query.payload is not None else b""
+        self.payload = _bytes(query.payload) if query.payload is not None else b""
 
     def answer(self, payload: bytes) -> None:
         """Answer, and be done with it."""
-        self._query.reply(self._key, payload, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
+        with suppress(zenoh.ZError):  # whoever asked may be gone
+            self._query.reply(self._key, payload, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
         self._query.drop()
 
 
@@ -67,22 +72,24 @@ class Session:
         """Pass on every sample of `key`; return what ends it."""
 
         def heard(sample: zenoh.Sample) -> None:
-            on_data(str(sample.key_expr), sample.payload.to_bytes())
+            on_data(str(sample.key_expr), _bytes(sample.payload))
 
         return self._session.declare_subscriber(key, Callback(heard, indirect=False)).undeclare
 
     def answer(self, key: str, on_question: OnQuestion) -> Callable[[], None]:
         """Pass on every query of `key`; return what ends it."""
-        return self._session.declare_queryable(
-            key, Callback(lambda query: on_question(Question(query, key)), indirect=False)
-        ).undeclare
+
+        def heard(query: zenoh.Query) -> None:
+            on_question(Question(query, key))
+
+        return self._session.declare_queryable(key, Callback(heard, indirect=False)).undeclare
 
     def ask(self, key: str, payload: bytes, on_answer: Callable[[bytes], None], timeout_s: float) -> None:
         """Ask, and pass the answer on; nothing is passed on if none comes in time."""
 
         def heard(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                on_answer(reply.ok.payload.to_bytes())
+                on_answer(_bytes(reply.ok.payload))
 
         self._session.get(key, Callback(heard, indirect=False), payload=payload, timeout=timeout_s)
 
@@ -97,6 +104,11 @@ class Session:
             on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         return self._session.liveliness().declare_subscriber(key, Callback(changed, indirect=False), history=True).undeclare
+
+
+def _bytes(payload: zenoh.ZBytes) -> bytes:
+    """Return the payload; nothing of one that is longer than any message, so that no queue is filled with it."""
+    return payload.to_bytes() if len(payload) <= MOST_BYTES else b""
 
 
 def open_router(endpoint: str) -> Session:
@@ -120,6 +132,7 @@ def _open(mode: str, settings: dict[str, Any], failure: str) -> Session:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": _WAIT_BEFORE_CLOSE_US,
+        "transport/link/tx/queue/size/data": _BATCHES,
         "adminspace/enabled": False,
     }
     try:
@@ -127,7 +140,7 @@ def _open(mode: str, settings: dict[str, Any], failure: str) -> Session:
             config.insert_json5(key, json.dumps(value))
     except zenoh.ZError as error:
         raise InputError(f"{failure}: {error}") from error
-    zenoh.init_log_from_env_or("error" if mode == "router" else "off")
+    zenoh.init_log_from_env_or("off")  # RUST_LOG=error shows what Zenoh complains of
     try:
         return Session(zenoh.open(config))
     except zenoh.ZError as error:

@@ -64,7 +64,8 @@ def join(
 
 
 def _say_seat(seat: "Seat") -> None:
-    typer.echo(f"match {seat.ticket.match}: {seat.team.name.lower()} against {seat.ticket.opponent}, rules {seat.ruleset.name}", err=True)
+    team, opponent = seat.team.name.lower(), seat.ticket.opponent
+    typer.echo(f"match {seat.ticket.match}: {team} against {opponent}, rules {seat.ruleset.name}", err=True)
 
 
 def _say_end(seat: "Seat") -> None:

@@ -33,6 +33,8 @@ ANSWER_S = 8.0
 SILENCE_S = 2.0
 """A seat that hears nothing for so long asks whether its match still runs."""
 PROBE_S = 2.0
+MOST_WAITING = 2_000
+"""Messages in the queue."""
 _TICK_S = 0.25
 
 
@@ -95,14 +97,19 @@ class Runner:
     """Plays until there is nothing more to play."""
 
     def __init__(
-        self, settings: Settings, *, on_seat: Callable[[Seat], None], on_end: Callable[[Seat], None], on_wait: Callable[[str], None]
+        self,
+        settings: Settings,
+        *,
+        on_seat: Callable[[Seat], None],
+        on_end: Callable[[Seat], None],
+        on_wait: Callable[[str], None],
     ) -> None:
         self._settings = settings
         self._on_seat, self._on_end, self._on_wait = on_seat, on_end, on_wait
         self._client = uuid.uuid4().hex
         self._slots = [_Slot(number) for number in range(settings.n_slots)]
         self._inbox: SimpleQueue[tuple[str, int, bytes]] = SimpleQueue()
-        self._n_begun = self._n_ended = 0
+        self._n_begun = self._n_ended = self._n_heard = 0
         self._is_stopping = False
 
     def stop(self) -> None:
@@ -120,26 +127,24 @@ class Runner:
             The pit does not let this client play.
         """
         warm(self._settings.make)
+        settings = self._settings
         lost_at_s: float | None = None
         while not self._is_done():
+            failure = LostPitError(f"no pit called {settings.pit} answers at {settings.endpoint}")
+            heard_before = self._n_heard
             try:
-                with open_client(self._settings.endpoint) as session:
-                    lost_at_s = None
+                with open_client(settings.endpoint) as session:
                     self._serve(session)
-            except LostPitError:
-                now_s = time.monotonic()
-                if lost_at_s is None and not self._has_played():
-                    raise
-                lost_at_s = lost_at_s or now_s
-                if now_s - lost_at_s > self._settings.patience_s:
-                    raise
-            if not self._is_done():
-                lost_at_s = lost_at_s or time.monotonic()
-                self._on_wait("for the pit to come back")
+            except LostPitError as error:
+                failure = error
+            if self._is_done():
+                break
+            if self._n_heard > heard_before:
+                lost_at_s = time.monotonic()
+            if lost_at_s is None or time.monotonic() - lost_at_s > settings.patience_s:
+                raise failure
+            self._on_wait("for the pit to come back")
         return self._n_ended
-
-    def _has_played(self) -> bool:
-        return self._n_begun > 0 or any(slot.asked_at_s is not None for slot in self._slots)
 
     def _is_done(self) -> bool:
         return self._is_stopping or all(slot.is_done for slot in self._slots)
@@ -174,6 +179,11 @@ class Runner:
             for slot in self._slots:
                 slot.leave.close()
 
+    def _hear(self, kind: str, number: int, payload: bytes) -> None:
+        """Enqueue, on a thread of Zenoh's; what comes beyond the bound is asked for again."""
+        if self._inbox.qsize() < MOST_WAITING:
+            self._inbox.put((kind, number, payload))
+
     def _keep_asking(self, session: Session, now_s: float) -> bool:
         """Ask for what is missing; False if the pit does not answer any more."""
         for slot in self._slots:
@@ -195,17 +205,16 @@ class Runner:
         team = settings.team if slot.seat is None else slot.seat.team.name.lower()
         request = JoinRequest(
             rules_version=RULES_VERSION, name=settings.name, team=team, client=self._client, slot=slot.number,
-            rules_hash=settings.rules_hash,
+            rules_hash=settings.rules_hash, match="" if slot.seat is None else slot.seat.ticket.match,
         )  # fmt: skip
         slot.asked_at_s, slot.ask_limit_s = now_s, ANSWER_S if slot.seat is None else PROBE_S
         number = slot.number
-        session.ask(
-            topics.join(settings.pit), encode(request), lambda data: self._inbox.put(("answer", number, data)), slot.ask_limit_s
-        )
+        session.ask(topics.join(settings.pit), encode(request), lambda data: self._hear("answer", number, data), slot.ask_limit_s)
 
     def _on_answer(self, session: Session, slot: _Slot, payload: bytes) -> None:
         slot.asked_at_s = None
         slot.heard_at_s = time.monotonic()
+        self._n_heard += 1
         try:
             message: Message = decode(payload)
         except UnreadableError as error:
@@ -236,9 +245,7 @@ class Runner:
             slot.put, end = session.publisher(topics.action(pit, ticket.match, team))
             slot.leave.callback(end)
             slot.leave.callback(
-                session.subscribe(
-                    topics.observation(pit, ticket.match, team), lambda _, data: self._inbox.put(("turn", number, data))
-                )
+                session.subscribe(topics.observation(pit, ticket.match, team), lambda _, data: self._hear("turn", number, data))
             )
         slot.put(slot.seal.close(encode(slot.seat.ready())))
 

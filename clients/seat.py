@@ -3,8 +3,6 @@
 The policy is asked once for each tick, whatever is sent twice, lost, or told again after a restart of either side.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from arena.errors import UnreadableError
@@ -13,6 +11,7 @@ from arena.game.types import Ending, Team
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn
 from arena.protocol.sight import unpack
+from arena.protocol.topics import is_chunk
 
 _SEAT = np.zeros(1, np.intp)
 
@@ -24,7 +23,11 @@ def read_ticket(ticket: Ticket) -> tuple[Ruleset, Team]:
     ------
     InputError
         The ruleset is none that this version knows.
+    UnreadableError
+        The ticket is for no team, or for no match that can be.
     """
+    if ticket.team not in tuple(Team) or not is_chunk(ticket.match):
+        raise UnreadableError(f"the ticket is for team {ticket.team} in match {ticket.match!r}")
     values = dict(ticket.ruleset)
     return from_dict(str(values.pop("name", "unnamed")), values), Team(ticket.team)
 
@@ -41,64 +44,70 @@ class Seat:
         self._policy: BatchPolicy = make(self.ruleset, self.team, 1)
         self._policy.start(_SEAT)
         self._orders = np.zeros((1, len(self.ruleset.team(self.team))), np.int8)
-        self._last: Orders | None = None
+        self._answers: list[bytes] = []
+        """What the policy said to each observation, to be said again."""
 
     def ready(self) -> Ready:
         """Return what tells the referee that this seat listens, at first or again."""
-        # The last answer may never have arrived, so its tick is not claimed as settled.
         return Ready(known_ticks=self.known_ticks)
 
     def receive(self, message: Message) -> Message | None:
         """Take a message, and return the answer if it wants one."""
+        if self.ended is not None:
+            return None
         if type(message) is Turn:
             return self._answer(message)
         if type(message) is History:
             self._catch_up(message)
-        elif type(message) is Ended and self.ended is None:
+        elif type(message) is Ended:
+            result = self._read_result(message)
             self.ended = message
-            self._policy.end(0, self.result())
+            self._policy.end(0, result)
         return None
 
     def result(self) -> MatchResult:
         """Return how the match ended, from this side."""
         if self.ended is None:
             raise ValueError("the match is not over")
-        winner = None if self.ended.winner is None else Team[self.ended.winner.upper()]
-        return MatchResult(
-            ending=Ending[self.ended.ending.upper()],
-            winner=winner,
-            score=self.ended.score if self.team is Team.BLUE else -self.ended.score,
-            ticks=self.ended.ticks,
-            reason=self.ended.reason,
-        )
+        return self._read_result(self.ended)
+
+    def _read_result(self, ended: Ended) -> MatchResult:
+        try:
+            return MatchResult(
+                ending=Ending[ended.ending.upper()],
+                winner=None if ended.winner is None else Team[ended.winner.upper()],
+                score=ended.score if self.team is Team.BLUE else -ended.score,
+                ticks=ended.ticks,
+                reason=ended.reason,
+            )
+        except KeyError as error:
+            raise UnreadableError(f"no match ends like this: {error}") from error
 
     def faults(self) -> Faults:
         """Return what the policy did wrong since the last call."""
         return self._policy.take_faults(0)
 
     def _answer(self, turn: Turn) -> Message | None:
-        if self._last is not None and turn.tick == self._last.tick:
-            return self._last
+        if turn.tick < 0:
+            raise UnreadableError(f"there is no tick {turn.tick}")
         if turn.tick > self.known_ticks:
             return self.ready()
-        if turn.tick < self.known_ticks:
-            return None
-        self._last = Orders(tick=turn.tick, actions=self._ask_policy(turn.observation))
-        return self._last
+        if turn.tick == self.known_ticks:
+            self._ask_policy(turn.observation)
+        return Orders(tick=turn.tick, actions=self._answers[turn.tick])
 
     def _catch_up(self, history: History) -> None:
         """Show the policy what it missed; what it would have done then is of no use any more."""
-        missed: Sequence[bytes] = history.observations[max(self.known_ticks - history.first_tick, 0) :]
-        if history.first_tick > self.known_ticks:
+        if not 0 <= history.first_tick <= self.known_ticks:
             return
-        for observation in missed:
+        for observation in history.observations[self.known_ticks - history.first_tick :]:
             self._ask_policy(observation)
 
-    def _ask_policy(self, data: bytes) -> bytes:
+    def _ask_policy(self, data: bytes) -> None:
         observations, _ = unpack(data, self.ruleset, self.team)
         if int(observations.tick[0]) != self.known_ticks:
             raise UnreadableError(f"the observation is of tick {observations.tick[0]}, not {self.known_ticks}")
         self._orders[:] = 0
         self._policy.act(observations, self._orders)
         self.known_ticks += 1
-        return self._orders.tobytes()
+        self._answers.append(self._orders.tobytes())

@@ -42,10 +42,10 @@ def cover(typing_context: Any, out: Any, source: Any, row: Any, first: Any, visi
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         def block(array_type: Any, array: Any) -> Any:
             struct = context.make_array(array_type)(context, builder, array)
+            shape, strides = (cgutils.unpack_tuple(builder, sizes) for sizes in (struct.shape, struct.strides))
             place = cgutils.get_item_pointer2(
-                context, builder, struct.data, cgutils.unpack_tuple(builder, struct.shape), cgutils.unpack_tuple(builder, struct.strides),
-                array_type.layout, [args[2], args[3]],
-            )  # fmt: skip
+                context, builder, struct.data, shape, strides, array_type.layout, [args[2], args[3]]
+            )
             return builder.bitcast(place, vector.as_pointer())
 
         hidden = builder.bitcast(builder.not_(args[4]), ir.VectorType(ir.IntType(1), _CELLS))

@@ -18,8 +18,14 @@ from arena.errors import BoardError
 from arena.game.types import FLAGS, HALVES, STEPS, UAVS, UGVS, Code, Team
 
 _LETTERS = {
-    "#": Code.OBSTACLE, "F": Code.BLUE_FLAG, "U": Code.BLUE_UGV, "A": Code.BLUE_UAV, "f": Code.RED_FLAG, "u": Code.RED_UGV, "a": Code.RED_UAV,
-}  # fmt: skip
+    "#": Code.OBSTACLE,
+    "F": Code.BLUE_FLAG,
+    "U": Code.BLUE_UGV,
+    "A": Code.BLUE_UAV,
+    "f": Code.RED_FLAG,
+    "u": Code.RED_UGV,
+    "a": Code.RED_UAV,
+}
 Cell = tuple[int, int]
 """(row, column)."""
 

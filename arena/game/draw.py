@@ -1,7 +1,8 @@
 """Draw a board: halves, obstacles, flags and units, all from one map key.
 
-Item i of attempt a takes its words from the counter (a, i, BOARD, 0): item 0 says which half is blue's, items 1 to 8 are the
-obstacles, item 16 + 32 t is the flag of team t, and the ones after it its units in their order. A row of the board is a set of columns, one word.
+Item i of attempt a takes its words from the counter (a, i, BOARD, 0): item 0 says which half is blue's, items 1 to 8 are
+the obstacles, item 16 + 32 t is the flag of team t, and the ones after it its units in their order. A row of the board is
+a set of columns, one word.
 """
 
 from typing import Any
@@ -170,7 +171,8 @@ def is_open(game: Any, state: Any, tables: Any, rows: Any) -> bool:
 def _flood(side: Any, free: Any, reached: Any, cell: Any) -> None:
     """Fill `reached` with the free cells that are connected to `cell`."""
     reached[: side + 2] = 0
-    reached[cell // side + 1] = _ONE << np.uint64(cell % side)
+    start = cell // side + 1
+    reached[start] = _run_along(free[start], _ONE << np.uint64(cell % side))
     changed = True
     while changed:
         changed = False
@@ -182,16 +184,22 @@ def _flood(side: Any, free: Any, reached: Any, cell: Any) -> None:
 
 @jit(inline=True)
 def _spread(free: Any, reached: Any, row: Any) -> Any:
-    """Take in what a row's neighbours have reached, then run along the row, doubling the stride; say if anything was new."""
+    """Take in what a row's neighbours have reached, and what it leads to; say if anything was new."""
     before = reached[row]
     seeds = (before | reached[row - 1] | reached[row + 1]) & free[row]
     if seeds == before:
         return False
-    lower = upper = free[row]
+    reached[row] = _run_along(free[row], seeds)
+    return True
+
+
+@jit(inline=True)
+def _run_along(free: Any, seeds: Any) -> Any:
+    """Return the free columns of one row that are connected to `seeds` within it, doubling the stride."""
+    lower = upper = free
     for power in range(6):
         stride = np.uint64(1 << power)
         seeds |= (lower & (seeds << stride)) | (upper & (seeds >> stride))
         lower &= lower << stride
         upper &= upper >> stride
-    reached[row] = seeds
-    return True
+    return seeds

@@ -10,7 +10,7 @@ import numpy as np
 
 from arena.game.draw import draw
 from arena.game.fight import fight, judge
-from arena.game.fog import see
+from arena.game.fog import see, spot
 from arena.game.move import move
 from arena.game.philox import Purpose, philox
 from arena.game.state import Fact, Rule
@@ -144,3 +144,33 @@ def draw_seeds(keys: Any, ticks: Any, seeds: Any) -> None:
     for seat in range(len(ticks)):
         words = philox(keys[seat], ticks[seat], 0, Purpose.SEED, 0)
         seeds[seat] = words[0] << np.uint64(32) | words[1]
+
+
+@jit()
+def sense(state: Any, tables: Any, seat_keys: Any, boards: Any, rows: Any, blue: Any, red: Any) -> None:
+    """Write all that both teams are told of every game, in one call.
+
+    Parameters
+    ----------
+    seat_keys
+        uint32, shape (2 teams, n, 2).
+    boards, rows
+        As `observe`.
+    blue, red
+        `Seen` of each team.
+    """
+    observe(state, tables, boards, rows, False, True)
+    _tell(state, tables, seat_keys, boards, 0, blue)
+    _tell(state, tables, seat_keys, boards, 1, red)
+
+
+@jit(inline=True)
+def _tell(state: Any, tables: Any, seat_keys: Any, boards: Any, team: Any, seen: Any) -> None:
+    for game in range(len(state.cell)):
+        seen.tick[game] = state.fact[game, Fact.TICK]
+        seen.living[game, 0] = state.fact[game, Fact.BLUE_LIVING + team]
+        seen.living[game, 1] = state.fact[game, Fact.RED_LIVING - team]
+        score = state.fact[game, Fact.SCORE]
+        seen.score[game] = -score if team else score
+    spot(state, tables, team, boards[team], seen.enemy_cell, seen.enemy_flies, seen.enemy_type)
+    draw_seeds(seat_keys[team], seen.tick, seen.seed)

@@ -17,7 +17,7 @@ _NUMBERS = {kind: number for number, kind in enumerate(_KINDS)}
 
 def encode(message: Message) -> bytes:
     """Return the bytes of a message."""
-    kind = type(message)
+    kind: type = type(message)
     return bytes(msgpack.packb([PROTOCOL_VERSION, _NUMBERS[kind], *[getattr(message, name) for name, _ in _shape(kind)]]))
 
 
@@ -47,14 +47,14 @@ def decode(data: bytes) -> Message:
     if len(rest) != len(shape):
         raise UnreadableError(f"{kind.__name__} has {len(shape)} fields, not {len(rest)}")
     for value, (name, hint) in zip(rest, shape, strict=True):
-        if not _fits(value, hint):
+        if type(value) is not hint and not _fits(value, hint):
             raise UnreadableError(f"{kind.__name__}.{name} is of another type than it should be")
     message: Message = kind(**{name: value for value, (name, _) in zip(rest, shape, strict=True)})
     return message
 
 
 @cache
-def _shape(kind: type) -> tuple[tuple[str, Any], ...]:
+def _shape(kind: Any) -> tuple[tuple[str, Any], ...]:
     hints = get_type_hints(kind)
     return tuple((item.name, hints[item.name]) for item in fields(kind))
 
@@ -67,9 +67,7 @@ def _fits(value: Any, hint: Any) -> bool:
     if origin is list:
         return type(value) is list and all(_fits(item, arguments[0]) for item in value)
     if origin is dict:
-        return type(value) is dict and all(
-            _fits(key, arguments[0]) and _fits(item, arguments[1]) for key, item in value.items()
-        )
+        return type(value) is dict and all(_fits(key, arguments[0]) and _fits(item, arguments[1]) for key, item in value.items())
     if arguments:  # a union
         return any(_fits(value, one) for one in arguments)
     return type(value) is hint or (hint is float and type(value) is int)

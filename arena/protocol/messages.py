@@ -1,5 +1,7 @@
 """Every message of the protocol: frozen, valid once built. What each looks like as bytes is `codec`'s business.
 
+A match, message by message:
+
     client                          referee
     JoinRequest   -- query join -->
                   <---- reply ----  Ticket, or Wait (ask again), or Refusal, or Closed
@@ -33,6 +35,8 @@ class JoinRequest:
     slot: int
     rules_hash: str = ""
     """The ruleset that the client insists on, if any."""
+    match: str = ""
+    """The match that it plays already, if it asks whether that still runs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,11 +14,13 @@ import numpy as np
 
 from arena.errors import UnreadableError
 from arena.game.ruleset import Ruleset
-from arena.game.types import Team
+from arena.game.types import FLAGS, HALVES, Code, Team
 from arena.observation import Observations
 
 _HEAD = struct.Struct("<IIQhhh")
 _NO_CLOCK = 0xFFFFFFFF
+_MOST_TICKS = 0x7FFFFFFF
+_CODES = bytes(code & 0xFF for code in (Code.HIDDEN, *HALVES, *FLAGS, Code.OBSTACLE))
 
 
 class _Layout(NamedTuple):
@@ -74,16 +76,19 @@ def unpack(data: bytes, ruleset: Ruleset, team: Team) -> tuple[Observations, flo
         raise UnreadableError(f"an observation has {layout.n_bytes} bytes under these rules, not {len(data)}")
     tick, clock, seed, score, own, enemy = _HEAD.unpack_from(data)
     at = _HEAD.size
-    data = bytearray(data)  # so that the arrays can be written to, as those of the local venue: kernels are compiled for it
-    ground = np.frombuffer(data, np.int8, layout.n_cells, at)[None]
+    if tick > _MOST_TICKS or data[at : at + layout.n_cells].translate(None, _CODES):
+        raise UnreadableError("an observation has a tick or a cell that no game has")
+    memory = bytearray(data)  # arrays that can be written to, as the local venue's: kernels are compiled for such
+    ground = np.frombuffer(memory, np.int8, layout.n_cells, at)[None]
     at += layout.n_cells
-    cell = np.frombuffer(data, "<i2", layout.n_own, at)[None]
+    cell = np.frombuffer(memory, "<i2", layout.n_own, at)[None]
     at += 2 * layout.n_own
-    alive = np.frombuffer(data, np.uint8, layout.n_own, at)[None]
+    alive = np.frombuffer(memory, np.uint8, layout.n_own, at)[None]
     at += layout.n_own
-    enemy_cell = np.frombuffer(data, "<i2", layout.n_enemy, at)[None]
+    enemy_cell = np.frombuffer(memory, "<i2", layout.n_enemy, at)[None]
     at += 2 * layout.n_enemy
-    enemy_type = np.frombuffer(data, np.int8, layout.n_enemy, at)[None]
+    enemy_type = np.frombuffer(memory, np.int8, layout.n_enemy, at)[None]
+    _check(ruleset, layout, cell.tolist()[0], alive.tolist()[0], enemy_cell.tolist()[0], enemy_type.tolist()[0])
     seen = Observations(
         team=team,
         side=ruleset.side,
@@ -99,3 +104,17 @@ def unpack(data: bytes, ruleset: Ruleset, team: Team) -> tuple[Observations, flo
         seed=np.array([seed], np.uint64),
     )
     return seen, None if clock == _NO_CLOCK else clock / 1000
+
+
+def _check(
+    ruleset: Ruleset, layout: _Layout, cell: list[int], alive: list[int], enemy_cell: list[int], enemy_type: list[int]
+) -> None:
+    """Refuse units where no unit can be: fighters index boards by them."""
+    own_fit = all(0 <= at < layout.n_cells for at in cell) and all(is_alive in (0, 1) for is_alive in alive)
+    kinds = len(ruleset.units)
+    enemies_fit = all(
+        (at == kind == -1) or (0 <= at < layout.n_cells and 0 <= kind < kinds)
+        for at, kind in zip(enemy_cell, enemy_type, strict=True)
+    )
+    if not own_fit or not enemies_fit:
+        raise UnreadableError("an observation has a unit that no game has")

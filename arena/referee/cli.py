@@ -126,9 +126,7 @@ def _frame(journal: "Journal", games: "Games", team: Any, width: int) -> "Render
 def serve(
     listen: Annotated[str, typer.Option(metavar="ENDPOINT", help="Where to listen.")] = "tcp/127.0.0.1:7447",
     pit: Annotated[str, typer.Option(help="The pit's name.")] = "pit",
-    rules: Annotated[
-        str, typer.Option(metavar="NAME|FILE.toml", autocompletion=complete_ruleset, help="The ruleset.")
-    ] = "paper",
+    rules: Annotated[str, typer.Option(metavar="NAME|FILE.toml", autocompletion=complete_ruleset, help="The ruleset.")] = "paper",
     settings: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a rule, as in side=16.")
     ] = None,
@@ -136,9 +134,7 @@ def serve(
     seed: Annotated[int | None, typer.Option(help="Makes the matches reproducible, and guessable by anyone.")] = None,
     turn_time: Annotated[float, typer.Option(min=0.001, metavar="SECONDS", help="For each turn.")] = 1.0,
     bank: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="Extra time of a seat for a whole match.")] = 10.0,
-    grace: Annotated[
-        float, typer.Option(min=0, metavar="SECONDS", help="How long a seat that vanished keeps its place.")
-    ] = 10.0,
+    grace: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="How long a seat that vanished keeps its place.")] = 10.0,
     missed: Annotated[int, typer.Option(min=1, help="Turns missed in a row that forfeit a match.")] = 10,
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where journals live; your data folder without it.")] = None,
     fsync: Annotated[bool, typer.Option("--fsync", help="Let every tick outlive a power cut, at its price.")] = False,
@@ -186,9 +182,7 @@ def _describe(played: Any) -> str:
     header, result = played.header, played.result
     winner = "draw" if result.winner is None else f"{result.winner.name.lower()} wins"
     why = f" ({result.reason})" if result.reason else ""
-    counted = [
-        f"{team.name.lower()} {n} {what}" for team, seat in played.seats.items() for what, n in seat.faults().items() if n
-    ]
+    counted = [f"{team.name.lower()} {n} {what}" for team, seat in played.seats.items() for what, n in seat.faults().items() if n]
     return (
         f"{header.identity}: blue {header.blue}, red {header.red}: {winner} by {result.ending.name.lower().replace('_', ' ')}{why} "
         f"after {result.ticks} ticks, score {result.score:+d} for blue{'; counted: ' + ', '.join(counted) if counted else ''}"

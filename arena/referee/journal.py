@@ -91,13 +91,17 @@ class Header:
                     f"the journal was written under version {version} of the rules; this is version {RULES_VERSION}"
                 )
             rules = dict(values["ruleset"])
-            keys = MatchKeys(map_key=values["map_key"], match_key=values["match_key"])
-            if [len(keys.map_key), len(keys.match_key)] != [KEY_BYTES, KEY_BYTES] or not isinstance(values["match_key"], bytes):
+            given = {name: values[name] for name in ("map_key", "match_key")}
+            if any(not isinstance(key, bytes) or len(key) != KEY_BYTES for key in given.values()):
                 raise JournalError("the journal's header was changed: its keys are not 32 bytes each")
+            keys = MatchKeys(**given)
             names = {name: values[name] for name in ("identity", "blue", "red")}
             if not all(isinstance(name, str) for name in names.values()):
                 raise JournalError("the journal's header was changed: a name is not text")
-            return cls(ruleset=from_dict(rules.pop("name"), rules), keys=keys, **names)
+            header = cls(ruleset=from_dict(rules.pop("name"), rules), keys=keys, **names)
+            if header.pack() != data:  # the same facts in other bytes would give one match two canonical journals
+                raise JournalError("the journal's header was changed: its bytes are not as the arena writes them")
+            return header
         except JournalError:
             raise
         except (ValueError, KeyError, TypeError, AttributeError, InputError, msgpack.UnpackException) as error:
@@ -149,10 +153,20 @@ def write_tick(chain: bytes, orders: bytes, marks: bytes, state: bytes) -> tuple
 
 def write_ending(chain: bytes, result: MatchResult) -> bytes:
     """Return the record that closes a journal; `result.score` is blue's."""
-    winner = None if result.winner is None else result.winner.name.lower()
-    values = {"ending": result.ending.name.lower(), "winner": winner, "score": result.score, "ticks": result.ticks, "reason": result.reason}
-    packed = bytes(msgpack.packb(values))
+    packed = _pack_ending(result)
     return b"E" + _LENGTH.pack(len(packed)) + packed + link(chain, packed)
+
+
+def _pack_ending(result: MatchResult) -> bytes:
+    winner = None if result.winner is None else result.winner.name.lower()
+    values = {
+        "ending": result.ending.name.lower(),
+        "winner": winner,
+        "score": result.score,
+        "ticks": result.ticks,
+        "reason": result.reason,
+    }
+    return bytes(msgpack.packb(values))
 
 
 def read_journal(data: bytes) -> Journal:
@@ -206,10 +220,16 @@ def read_journal(data: bytes) -> Journal:
 def _unpack_ending(data: bytes) -> MatchResult:
     try:
         values: dict[str, Any] = msgpack.unpackb(data)
-        winner = None if values["winner"] is None else Team[values["winner"].upper()]
-        return MatchResult(
-            ending=Ending[values["ending"].upper()], winner=winner, score=int(values["score"]), ticks=int(values["ticks"]), reason=str(values["reason"]),
+        result = MatchResult(
+            ending=Ending[values["ending"].upper()],
+            winner=None if values["winner"] is None else Team[values["winner"].upper()],
+            score=values["score"],
+            ticks=values["ticks"],
+            reason=values["reason"],
         )
+        if _pack_ending(result) != data:
+            raise JournalError("the journal's ending was changed: its bytes are not as the arena writes them")
+        return result
     except (ValueError, KeyError, TypeError, AttributeError, msgpack.UnpackException) as error:
         raise JournalError(f"the journal's ending was changed: {error!r} on reading it") from error
 

@@ -10,14 +10,18 @@ from enum import Enum
 
 import numpy as np
 
+from arena.errors import JournalError
 from arena.game.state import Fact
-from arena.game.types import Ending, Team
+from arena.game.types import Action, Ending, Team
 from arena.games import Games
 from arena.policy import MatchResult
 from arena.protocol.sight import pack
 from arena.referee.journal import Header, Journal, Mark, write_ending, write_start, write_tick
 from arena.referee.replay import match_result
 
+_STAY = bytes([Action.STAY])
+_EFFECT = bytes(byte if byte < len(Action) else Action.STAY for byte in range(256))
+"""What each byte of an answer does to a unit: one that is no action leaves it where it is."""
 WIN = 100
 """Score of a match that was forfeited, from the winner's side."""
 
@@ -122,9 +126,9 @@ class Match:
         self._seats = {team: _Seat(bank_s=terms.bank_s, grace_s=terms.grace_s) for team in Team}
         for seat in self._seats.values():
             seat.away_since_s = now_s
-        blue = self._games.n_units[Team.BLUE]
-        self._orders = np.zeros((1, sum(self._games.n_units.values())), np.int8)
-        self._own = {Team.BLUE: self._orders[0, :blue], Team.RED: self._orders[0, blue:]}
+        self._n_units = self._games.n_units
+        self._orders = np.zeros((1, sum(self._n_units.values())), np.int8)
+        self._answers = {team: _STAY * n_units for team, n_units in self._n_units.items()}
         self._marks = {team: Mark(0) for team in Team}
         self._past: list[bytes] = []
         self._shown: dict[Team, list[bytes]] = {team: [] for team in Team}
@@ -135,7 +139,7 @@ class Match:
     @property
     def tick(self) -> int:
         """Ticks played so far."""
-        return int(self._games.state.fact[0, Fact.TICK])
+        return len(self._past)
 
     @property
     def facts(self) -> tuple[int, int, int]:
@@ -145,7 +149,7 @@ class Match:
 
     def history(self, team: Team, known_ticks: int) -> tuple[list[bytes], list[bytes]]:
         """Return the observations of a seat's answered ticks from `known_ticks` on, and the orders that were played."""
-        blue = self._games.n_units[Team.BLUE]
+        blue = self._n_units[Team.BLUE]
         orders = [orders[:blue] if team is Team.BLUE else orders[blue:] for orders in self._past[known_ticks:]]
         return self._shown[team][known_ticks : len(self._past)], orders
 
@@ -161,11 +165,22 @@ class Match:
         """Play the ticks that a journal holds; before anybody is ready.
 
         Nothing is charged for them: the pit was away, not the seats.
+
+        Raises
+        ------
+        JournalError
+            A state differs from what the journal says.
         """
-        for record in journal.ticks:
-            self._orders[0] = np.frombuffer(record.orders, np.int8)
+        if self._chain != journal.start_chain:
+            raise JournalError("the journal was changed: its board is another")
+        for number, record in enumerate(journal.ticks, start=1):
+            blue = self._n_units[Team.BLUE]
+            self._answers = {Team.BLUE: record.orders[:blue], Team.RED: record.orders[blue:]}
             self._marks = dict(zip(Team, record.marks, strict=True))
-            self._play_tick()
+            if not self._games.is_over[0]:
+                self._play_tick()
+            if self._chain != record.chain:
+                raise JournalError(f"the journal was changed: at tick {number} its orders or its state are others")
         return self._end(match_result(self._games, 0)) if self._games.is_over[0] else []
 
     def ready(self, team: Team, now_s: float) -> list[Event]:
@@ -173,9 +188,7 @@ class Match:
         seat = self._seats[team]
         if self.phase is Phase.OVER:
             return []
-        if seat.away_since_s is not None:
-            seat.grace_s -= now_s - seat.away_since_s
-            seat.away_since_s = None
+        self._welcome(seat, now_s)
         seat.is_ready = True
         if self.phase is Phase.WAITING:
             if not all(seat.is_ready for seat in self._seats.values()):
@@ -184,10 +197,7 @@ class Match:
             for other in self._seats.values():
                 other.grace_s = self.terms.grace_s
             return self._ask_all(now_s)
-        if seat.has_answered:
-            return []
-        seat.asked_at_s = now_s
-        return [self._ask(team)]
+        return [] if seat.has_answered else [self._ask(team)]
 
     def leave(self, team: Team, now_s: float) -> list[Event]:
         """A seat has vanished; its clock stops, and its grace runs."""
@@ -204,14 +214,12 @@ class Match:
         if self.phase is not Phase.PLAYING or tick != self.tick or seat.has_answered:
             seat.record.stale += 1
             return []
-        own = self._own[team]
-        given = np.frombuffer(actions, np.int8)[: len(own)]
-        legal = (given >= 0) & (given <= 4)
-        own[:] = 0
-        own[: len(given)][legal] = given[legal]
-        if len(actions) != len(own) or not legal.all():
+        self._welcome(seat, now_s)  # it was said to be gone, and is not
+        n_units = self._n_units[team]
+        if len(actions) != n_units or max(actions, default=0) >= len(Action):
             self._marks[team] |= Mark.UNREADABLE
             seat.record.unreadable += 1
+        self._answers[team] = actions[:n_units].translate(_EFFECT).ljust(n_units, _STAY)
         self._settle_clock(seat, now_s)
         seat.has_answered, seat.missed = True, 0
         return self._turn(now_s) if self._is_complete() else []
@@ -234,7 +242,7 @@ class Match:
         for team, seat in self._seats.items():
             if seat.has_answered or seat.away_since_s is not None or now_s < self._deadline_s(seat):
                 continue
-            self._own[team][:] = 0
+            self._answers[team] = _STAY * self._n_units[team]
             self._marks[team] |= Mark.LATE
             seat.record.late += 1
             seat.missed += 1
@@ -247,6 +255,13 @@ class Match:
     def void(self, reason: str) -> list[Event]:
         """End the match by a fault of the pit's own."""
         return self._end(MatchResult(ending=Ending.VOID, winner=None, score=0, ticks=self.tick, reason=reason))
+
+    def _welcome(self, seat: _Seat, now_s: float) -> None:
+        """Charge the grace for the time that a seat was away; its clock stood meanwhile, and goes on from where it was."""
+        if seat.away_since_s is not None:
+            seat.grace_s -= now_s - seat.away_since_s
+            seat.asked_at_s += now_s - max(seat.away_since_s, seat.asked_at_s)
+            seat.away_since_s = None
 
     def _is_gone(self, seat: _Seat, now_s: float) -> bool:
         return seat.away_since_s is not None and now_s - seat.away_since_s >= seat.grace_s
@@ -273,8 +288,9 @@ class Match:
 
     def _play_tick(self) -> bytes:
         """Step, and return the tick's record."""
+        orders = self._answers[Team.BLUE] + self._answers[Team.RED]
+        self._orders[0] = np.frombuffer(orders, np.int8)
         self._games.step(self._orders)
-        orders = self._orders.tobytes()
         self._past.append(orders)
         marks = bytes((self._marks[Team.BLUE], self._marks[Team.RED]))
         record, self._chain = write_tick(self._chain, orders, marks, self._games.digestible()[0].tobytes())
@@ -284,7 +300,7 @@ class Match:
 
     def _show(self) -> None:
         """Lay up what each seat is to see of the tick that begins."""
-        cells = self.header.ruleset.side ** 2
+        cells = self.header.ruleset.side**2
         for team, seen in self._games.observe().items():
             clock_s = None if self.terms.turn_time_s is None else self._seats[team].bank_s
             self._shown[team].append(pack(seen, 0, clock_s, cells))
@@ -306,9 +322,7 @@ class Match:
         winner = teams[0].other if len(teams) == 1 else None
         score = 0 if winner is None else WIN if winner is Team.BLUE else -WIN
         names = " and ".join(team.name.lower() for team in teams)
-        return self._end(
-            MatchResult(ending=Ending.FORFEIT, winner=winner, score=score, ticks=self.tick, reason=f"{names} {why}")
-        )
+        return self._end(MatchResult(ending=Ending.FORFEIT, winner=winner, score=score, ticks=self.tick, reason=f"{names} {why}"))
 
     def _end(self, result: MatchResult) -> list[Event]:
         self.phase, self.result = Phase.OVER, result

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from arena.errors import ArenaError
+from arena.errors import ArenaError, BoardError
 from arena.game.state import Fact
 from arena.game.types import Ending, Team
 from arena.games import Games
@@ -42,7 +42,10 @@ def replay(journal: Journal) -> Iterator[Games]:
         A state differs from what the journal says, or the match does not end as it says.
     """
     games = Games(journal.header.ruleset, 1)
-    games.start([0], [journal.header.keys])
+    try:
+        games.start([0], [journal.header.keys])
+    except BoardError as error:
+        raise BrokenChainError(0, f"its header was changed: {error}") from error
     _, chain = write_start(journal.header, games.state.ground[0].tobytes(), games.digestible()[0].tobytes())
     if chain != journal.start_chain:
         raise BrokenChainError(0, "its header was changed, or its board")

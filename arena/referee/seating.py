@@ -90,6 +90,11 @@ class PlannedSeating:
         """Whether every match has begun."""
         return not self._plans
 
+    def withdraw(self, identities: Iterable[str]) -> None:
+        """Take off the plan the matches that run already."""
+        running = set(identities)
+        self._plans = [plan for plan in self._plans if plan.identity not in running]
+
     def place(self, seat: SeatId, request: JoinRequest) -> Pairing | Wait | Refusal | Closed:
         """Begin the first match for whose entries seats are waiting."""
         if request.name not in self._entries:

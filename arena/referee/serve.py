@@ -1,12 +1,15 @@
 """A pit that is open: a router, a referee, and whoever comes."""
 
+import fcntl
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
 from arena.address import Address
+from arena.errors import InputError
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
 from arena.game.ruleset import Ruleset
 from arena.referee.local import MatchPlan
@@ -40,8 +43,7 @@ class Pit:
         self._settings = settings
         self._stopped_at_s: float | None = None
         self._referee: Referee | None = None
-        existing = sum(1 for _ in settings.journals.glob("*.journal")) if settings.journals.exists() else 0
-        self._numbers = count(existing)
+        self._numbers = count(_next_number(settings.journals, settings.address.pit))
         self._seating = OpenSeating(self._make_plan, settings.n_matches)
 
     def stop(self) -> None:
@@ -55,13 +57,13 @@ class Pit:
     def run(self, on_open: Callable[[int], None], on_end: Callable[[Played], None]) -> int:
         """Serve until stopped, or until the last match is over; return how many matches were left to be resumed."""
         settings = self._settings
-        with open_router(settings.listen) as session:
+        with _alone_in(settings.journals), open_router(settings.listen) as session:
             referee = Referee(
                 session, settings.address.pit, settings.ruleset, self._seating, settings.terms, settings.journals,
                 on_end=on_end, fsync=settings.fsync,
             )  # fmt: skip
             self._referee = referee
-            on_open(referee.resume(lambda _: True))
+            on_open(len(referee.resume(lambda _: True)))
             try:
                 referee.run(lambda: self._is_over(referee))
                 return referee.n_running
@@ -79,3 +81,21 @@ class Pit:
         secret = self._settings.secret
         keys = MatchKeys(map_key=derive_map_key(secret, identity, 0), match_key=derive_match_key(secret, identity))
         return MatchPlan(identity=identity, blue=blue, red=red, keys=keys)
+
+
+def _next_number(journals: Path, pit: str) -> int:
+    """Return the first number beyond those of a pit's matches that have a journal: no match is written over another."""
+    numbers = [name[1] for path in journals.glob(f"{pit}+*.journal") if len(name := path.name.split("+")) == 4]
+    return max((int(number) + 1 for number in numbers if number.isdecimal()), default=0)
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Keep other pits off a folder of journals: two would resume the same matches."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / ".lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"another pit keeps its journals in {folder}; choose another folder with --data") from None
+        yield

@@ -14,7 +14,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from arena.errors import JournalError, UnreadableError
+from arena.errors import ArenaError, JournalError, UnreadableError
 from arena.game.ruleset import Ruleset, to_dict
 from arena.game.types import RULES_VERSION, Team
 from arena.policy import MatchResult
@@ -25,7 +25,7 @@ from arena.protocol.messages import (
 )  # fmt: skip
 from arena.protocol.sealing import OpenSeal
 from arena.referee.journal import Header, journal_name, read_journal, whole_part
-from arena.referee.match import Ask, End, Event, Match, Phase, Publish, SeatRecord, Terms, Write
+from arena.referee.match import Ask, End, Event, Match, Publish, SeatRecord, Terms, Write
 from arena.referee.seating import Pairing, SeatId, Seating
 from arena.transport import Put, Question, Session
 
@@ -37,6 +37,12 @@ HOLD_QUESTION_S = 4.0
 """How long a client that waits for a seat is kept without an answer."""
 FORGET_WAITING_S = 15.0
 """How long a seat stays reserved for a client that does not ask again."""
+MOST_SLOTS = 256
+"""Seats that one client process may ask for at once."""
+MOST_GUESTS = 4_096
+"""Clients that may wait for a seat at once."""
+MOST_RUNNING = 256
+"""Matches at once; each costs an open file."""
 _SWEEP_S = 0.01
 _HISTORY_BYTES = 50_000
 
@@ -47,9 +53,12 @@ class _Chair:
 
     name: str
     holder: SeatId | None
+    """None after a restart of the pit, until somebody comes back."""
     put: Put
     end: Callable[[], None]
     seal: OpenSeal = field(default_factory=OpenSeal)
+    has_left: bool = False
+    """Its holder's process has vanished; another of the same name may take the seat."""
 
 
 @dataclass(slots=True)
@@ -118,6 +127,11 @@ class Referee:
         """Matches that are not over."""
         return len(self._tables)
 
+    @property
+    def matches(self) -> list[Match]:
+        """The matches that are not over, in the order of their beginning."""
+        return [table.match for table in self._tables.values()]
+
     def _enqueue(self, handle: Callable[..., None]) -> Callable[..., None]:
         """Return a callback that leaves its arguments for the one thread."""
         inbox = self._inbox
@@ -145,6 +159,10 @@ class Referee:
                 pass
             now_s = time.monotonic()
             if now_s >= next_sweep_s:
+                # What has come by now counts as come by now, however long the queue: the pit's own delay is charged to nobody.
+                for _ in range(self._inbox.qsize()):
+                    handle, arguments = self._inbox.get()
+                    handle(*arguments)
                 next_sweep_s = now_s + _SWEEP_S
                 self._sweep(now_s)
                 if until():
@@ -156,9 +174,9 @@ class Referee:
             os.close(table.journal)
         self._tables.clear()
 
-    def resume(self, wanted: Callable[[str], bool]) -> int:
-        """Take up the unfinished matches whose identity is wanted; return how many there were."""
-        resumed = 0
+    def resume(self, wanted: Callable[[str], bool]) -> list[str]:
+        """Take up the unfinished matches whose identity is wanted; return their identities."""
+        resumed = []
         for path in sorted(self._journals.glob("*.journal")):
             try:
                 data = path.read_bytes()
@@ -175,12 +193,17 @@ class Referee:
             if not wanted(journal.header.identity):
                 continue
             match = Match(journal.header, self._terms, time.monotonic())
+            try:
+                events = match.recover(journal)
+            except JournalError as error:
+                logger.warning("%s cannot be resumed: %s", path.name, error)
+                continue
             descriptor = os.open(path, os.O_WRONLY | os.O_APPEND)
             os.ftruncate(descriptor, len(whole))
             table = self._seat(match, {team: None for team in Team}, descriptor)
-            self._carry_out(table, match.recover(journal))
+            self._carry_out(table, events)
             logger.info("resumed %s at tick %d", journal.header.identity, match.tick)
-            resumed += 1
+            resumed.append(journal.header.identity)
         return resumed
 
     # What is heard
@@ -193,8 +216,9 @@ class Referee:
         for seat in [seat for seat in self._guests if seat[0] == client]:
             self._forget_guest(seat)
         for seat in [seat for seat in self._held if seat[0] == client]:
-            match_id, team = self._held[seat]
+            match_id, team = self._held.pop(seat)
             table = self._tables[match_id]
+            table.chairs[team].has_left = True
             self._carry_out(table, table.match.leave(team, now_s))
 
     def _on_action(self, key: str, payload: bytes) -> None:
@@ -230,21 +254,31 @@ class Referee:
             question.answer(encode(Refusal(reason=refusal or "this is no request for a seat")))
             return
         seat = (request.client, request.slot)
-        held = self._held.get(seat) or self._vacancy(request)
+        held = self._held.get(seat) or self._vacancy(seat, request)
         if held is not None:
             match_id, team = held
+            if seat in self._guests:
+                self._forget_guest(seat)
             self._take(self._tables[match_id], team, seat)
             question.answer(encode(self._ticket(self._tables[match_id], team)))
+            return
+        if request.match:
+            question.answer(encode(Wait(reason="for another match, since that one is over")))
             return
         before = self._guests.get(seat)
         if before is not None and before.question is not None:
             before.question.answer(encode(Wait(reason="for an opponent")))
+        if before is None and len(self._guests) >= MOST_GUESTS:
+            question.answer(encode(Refusal(reason=f"{MOST_GUESTS} clients wait already; come again later")))
+            return
         self._guests[seat] = _Guest(request, question, time.monotonic())
+        if len(self._tables) >= MOST_RUNNING:
+            return  # it hears Wait in time, and asks again
         answer = self._seating.place(seat, request)
         if isinstance(answer, Pairing):
             self._begin(answer)
         elif not isinstance(answer, Wait):
-            del self._guests[seat]
+            self._forget_guest(seat)
             question.answer(encode(answer))
 
     def _object_to(self, request: Message) -> str:
@@ -261,16 +295,20 @@ class Referee:
             return f"there is no team {request.team!r}; red, blue or any"
         if not topics.is_chunk(request.name) or not topics.is_chunk(request.client):
             return "a name is 1 to 64 letters, digits, - or _"
+        if not 0 <= request.slot < MOST_SLOTS:
+            return f"there is no slot {request.slot}; a client has slots 0 to {MOST_SLOTS - 1}"
         return ""
 
-    def _vacancy(self, request: JoinRequest) -> tuple[str, Team] | None:
-        """Return the seat of a running match that the same entry has left, if there is one."""
-        for table in self._tables.values():
-            for team, chair in table.chairs.items():
-                fits = request.team in ("any", team.name.lower())
-                if fits and chair.name == request.name and table.match.is_away(team) and table.match.phase is not Phase.OVER:
-                    return table.id, team
-        return None
+    def _vacancy(self, seat: SeatId, request: JoinRequest) -> tuple[str, Team] | None:
+        """Return the seat of a running match that the same entry has left, the asker's own first, if there is one."""
+        vacant = [
+            (table.id, team)
+            for table in self._tables.values()
+            for team, chair in table.chairs.items()
+            if chair.name == request.name and request.team in ("any", team.name.lower()) and chair.holder not in self._held
+        ]
+        own = [place for place in vacant if self._tables[place[0]].chairs[place[1]].holder == seat]
+        return next(iter(own + vacant), None)
 
     # What is done
 
@@ -280,7 +318,7 @@ class Referee:
         match = Match(header, self._terms, time.monotonic())
         path = self._journals / journal_name(header.identity)
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o600)
-        os.write(descriptor, match.start_record)
+        _append(descriptor, match.start_record)
         table = self._seat(match, pairing.seats, descriptor)
         logger.info("match %s begins: blue %s, red %s", header.identity, header.blue, header.red)
         for team, seat in pairing.seats.items():
@@ -309,11 +347,12 @@ class Referee:
         chair = table.chairs[team]
         if chair.holder is not None:
             self._held.pop(chair.holder, None)
-        chair.holder = seat
+        chair.holder, chair.has_left = seat, False
         self._held[seat] = (table.id, team)
 
     def _ticket(self, table: _Table, team: Team) -> Ticket:
-        rules = {"name": self._ruleset.name, **to_dict(self._ruleset)}
+        ruleset = table.match.header.ruleset
+        rules = {"name": ruleset.name, **to_dict(ruleset)}
         return Ticket(
             match=table.id, team=int(team), ruleset=rules, opponent=table.chairs[team.other].name,
             turn_time_s=self._terms.turn_time_s, bank_s=self._terms.bank_s, tick=table.match.tick,
@@ -342,7 +381,7 @@ class Referee:
             if type(event) is Ask:
                 self._send(table, event.team, Turn(tick=event.tick, observation=event.observation))
             elif type(event) is Write:
-                os.write(table.journal, event.data)
+                _append(table.journal, event.data)
                 if self._fsync:
                     os.fdatasync(table.journal)
             elif type(event) is Publish:
@@ -382,7 +421,9 @@ class Referee:
         for seat, guest in list(self._guests.items()):
             waited_s = now_s - guest.asked_at_s
             if guest.question is not None and (waited_s >= HOLD_QUESTION_S or self._seating.is_done):
-                answer = Closed(reason="the pit begins no more matches") if self._seating.is_done else Wait(reason="for an opponent")
+                answer = (
+                    Closed(reason="the pit begins no more matches") if self._seating.is_done else Wait(reason="for an opponent")
+                )
                 guest.question.answer(encode(answer))
                 guest.question = None
                 if self._seating.is_done:
@@ -393,3 +434,13 @@ class Referee:
     def _forget_guest(self, seat: SeatId) -> None:
         self._guests.pop(seat, None)
         self._seating.forget(seat)
+
+
+def _append(journal: int, data: bytes) -> None:
+    """Write to a journal all or nothing; what cannot be written ends the pit before anybody hears of it."""
+    try:
+        n_written = os.write(journal, data)
+    except OSError as error:
+        raise ArenaError(f"cannot write a journal: {error.strerror}") from error
+    if n_written != len(data):
+        raise ArenaError("cannot write a journal: the disk is full")

@@ -7,9 +7,10 @@ import numpy as np
 import oracle
 import pytest
 from hypothesis import given
-from worlds import SEEDS, is_near, rulesets
+from worlds import SEEDS, is_near, lay, rules_for, rulesets
 
 from arena.errors import BoardError
+from arena.game.draw import is_open
 from arena.game.keys import MatchKeys, board_key
 from arena.game.ruleset import RULESETS, Ruleset, load
 from arena.game.state import Fact
@@ -95,6 +96,39 @@ def test_a_board_is_what_the_oracle_draws(rules: Ruleset, seed: int) -> None:
     assert fact[[Fact.TICK, Fact.ENDING, Fact.WINNER, Fact.SCORE]].tolist() == [0, Ending.RUNNING, -1, 0]
     assert fact[[Fact.BLUE_LIVING, Fact.RED_LIVING]].tolist() == [len(rules.team(team)) for team in Team]
     assert_sound(rules, board)
+
+
+@pytest.mark.parametrize("side", [8, 20, 64])
+def test_boards_of_many_keys_are_what_the_oracle_draws(side: int, size: Callable[[int, int], int]) -> None:
+    """At side 8 one board in thirty has a flag with no way but along its row, which the kernel once took for closed."""
+    rules = load("exp2").with_({"side": side})
+    games = start(rules, size(max(12, 3_000 // side**2 * 8), 2_000))
+    for row in range(games.n_games):
+        board, expected = drawn(games, row), oracle.draw(rules, words_of(row))
+        assert expected is not None
+        assert (board.ground, board.flags, board.cells) == (expected.ground, expected.flags, expected.cells), row
+
+
+def test_a_flag_in_a_gap_that_is_open_to_its_sides_alone_can_be_reached() -> None:
+    text = """
+        F . . . . .
+        U . . . . .
+        . . . # # .
+        . . . . f .
+        . . . # # .
+        . . . . . u
+        """
+    games = lay(rules_for(text))
+
+    assert is_open(0, games.state, games.tables, np.zeros((2, 8), np.uint64))
+
+
+def test_a_flag_behind_walls_cannot_be_reached() -> None:
+    games = lay(rules_for("F . . . . .\nU . . . . .\n. . . # # #\n. . . . f .\n. . . # # #\n. . . . . u"))
+    for cell in (3 * 6 + 3, 3 * 6 + 5):
+        games.state.ground[0, cell] = Code.OBSTACLE
+
+    assert not is_open(0, games.state, games.tables, np.zeros((2, 8), np.uint64))
 
 
 @pytest.mark.parametrize("name", RULESETS)

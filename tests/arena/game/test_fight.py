@@ -109,6 +109,13 @@ def touched(board: str, base: str = "paper", **overrides: Any) -> list[bool]:
         ("a knight's move apart", "F . . f\n. U . .\n. . . u\n. . . .", "paper", {}, [False, False]),
         ("two corners apart", "F . . f\n. U . .\n. . . .\n. . . u", "paper", {}, [False, False]),
         ("a knight's move apart, range 3", "F . . f\n. U . .\n. . . u\n. . . .", "paper", {"ugv": {"attack": 3}}, [True, True]),
+        (
+            "two corners apart, nearer than 3",
+            "F . . f\n. U . .\n. . . .\n. . . u",
+            "gym-cap",
+            {"ugv": {"attack": 3}},
+            [True, True],
+        ),
         ("an obstacle between", "F . . f\nU # u .\n. . . .\n. . . .", "paper", {}, [True, True]),
         ("friends alone", "F . . f\n. U . .\n. U . .\n. . . .", "paper", {}, [False, False]),
         ("no range", "F . . f\n. U u .\n. . . .\n. . . .", "paper", {"ugv": {"attack": 0}}, [False, False]),

@@ -74,7 +74,7 @@ def crowded(rng: np.random.Generator, round_: int) -> Ruleset:
             name=name,
             step=step,
             sight=int(rng.integers(0, 5)),
-            attack=int(rng.integers(0, 3)),
+            attack=int(rng.integers(0, 4)),
             strength=int(rng.integers(0, 4)),
             flies=flies,
             blue=int(rng.integers(1, most_of_it)),

@@ -1,0 +1,288 @@
+"""A league: who meets whom under which rules, read from TOML, never changed after.
+
+The shipped leagues are the files in `leagues/`; `LEAGUES` names them.
+"""
+
+import json
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from arena.errors import InputError, UnknownNameError
+from arena.game.keys import KEY_BYTES
+from arena.game.ruleset import RULESETS, Ruleset
+from arena.game.ruleset import load as load_rules
+from arena.protocol.topics import is_chunk
+from arena.referee.match import Terms
+from policies.registry import names
+
+LEAGUES = ("starter",)
+VENUES = ("network", "local")
+MOST_PAIRS = 1_000_000
+_KEYS = (
+    "name", "ruleset", "rules", "pairs", "seed", "secret", "venue", "turn_time_s", "bank_s", "grace_s", "slots", "entries",
+)  # fmt: skip
+
+
+_TERMS = Terms()
+
+
+class LeagueError(InputError):
+    """A league holds a value that cannot be played."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class League:
+    """What a league's file says. `facts` is what decides its results."""
+
+    name: str
+    ruleset: Ruleset
+    entries: Mapping[str, str]
+    """The fighter, by name or by the full path of a bot file, behind each entry."""
+    n_pairs: int = 10
+    """Of each fixture; may be raised while results are stored."""
+    seed: int | None = None
+    secret: bytes | None = None
+    """None, without a seed: made at the first run, and kept beside the results."""
+    venue: str = "network"
+    terms: Terms = _TERMS
+    slots: int = 8
+    """Seats that the process of an entry holds at once."""
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
+        """What decides the results, but for the secret and the number of pairs; an edit is found by comparing these."""
+        terms = self.terms
+        return {
+            "ruleset": self.ruleset.name,
+            "rules": self.ruleset.hash,
+            "entries": {name: _fingerprint(spec) for name, spec in sorted(self.entries.items())},
+            "clock": {"turn_time_s": terms.turn_time_s, "bank_s": terms.bank_s, "grace_s": terms.grace_s},
+        }
+
+
+def hash_facts(facts: Mapping[str, Any]) -> str:
+    """Return SHA-256 (hex) of a league's facts; the ruleset's name is no rule."""
+    deciding = {key: value for key, value in facts.items() if key != "ruleset"}
+    return sha256(json.dumps(deciding, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def _fingerprint(spec: str) -> str:
+    """Return what tells one fighter from another: its name, or its file's name and content."""
+    if not spec.endswith(".py"):
+        return spec
+    path = Path(spec)
+    try:
+        return f"{path.name} {sha256(path.read_bytes()).hexdigest()}"
+    except OSError as error:
+        raise LeagueError(f"cannot read the bot file {spec}: {error.strerror}") from error
+
+
+def load_league(name_or_file: str) -> League:
+    """Return a shipped league by name, or one from a TOML file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or says something that cannot be played; the sentence names it.
+    """
+    if not name_or_file.endswith(".toml"):
+        if name_or_file not in LEAGUES:
+            raise UnknownNameError("league (or name a file that ends in .toml)", name_or_file, LEAGUES)
+        text = (files("tournaments") / "leagues" / f"{name_or_file}.toml").read_text(encoding="utf-8")
+        return parse_league(text, name_or_file, Path())
+    path = Path(name_or_file)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise LeagueError(f"cannot read the league {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise LeagueError(f"the league {path} is not text in UTF-8: {error.reason} at byte {error.start}") from error
+    return parse_league(text, path.stem, path.parent)
+
+
+def parse_league(text: str, name: str, folder: Path) -> League:
+    """Return the league that a file's text describes.
+
+    Parameters
+    ----------
+    name
+        What it is called unless the text says so.
+    folder
+        Where the paths in the text start.
+    """
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise LeagueError(f"the league {name} is not TOML: {error}") from error
+    for key in values:
+        if key not in _KEYS:
+            raise UnknownNameError(f"key in league {name}", key, _KEYS)
+    return _Reader(values.pop("name", name), values).read(folder)
+
+
+class _Reader:
+    """Takes a league's values one by one; what is wrong is said with the league's name in front."""
+
+    def __init__(self, name: object, values: dict[str, Any]) -> None:
+        if not isinstance(name, str) or not is_chunk(name):
+            raise LeagueError(f"the league's name is {name!r}; it must be 1 to 64 letters, digits, - or _")
+        self._name, self._values = name, values
+
+    def read(self, folder: Path) -> League:
+        seed = self._whole("seed", None, 0, 2**63 - 1)
+        secret = self._secret()
+        if seed is not None and secret is not None:
+            raise self._error("has both a seed and a secret; keep one")
+        venue = self._values.get("venue", VENUES[0])
+        if venue not in VENUES:
+            raise UnknownNameError(f"venue of league {self._name}", str(venue), VENUES)
+        terms = Terms(
+            turn_time_s=self._seconds("turn_time_s", _TERMS.turn_time_s or 0.0) or None,
+            bank_s=self._seconds("bank_s", _TERMS.bank_s),
+            grace_s=self._seconds("grace_s", _TERMS.grace_s),
+        )
+        return League(
+            name=self._name,
+            ruleset=self._ruleset(folder),
+            entries=self._entries(folder),
+            n_pairs=self._whole("pairs", League.n_pairs, 1, MOST_PAIRS) or 1,
+            seed=seed,
+            secret=secret,
+            venue=venue,
+            terms=terms,
+            slots=self._whole("slots", League.slots, 1, 256) or 1,
+        )
+
+    def _error(self, what: str) -> LeagueError:
+        return LeagueError(f"league {self._name} {what}")
+
+    def _whole(self, key: str, default: int | None, low: int, high: int) -> int | None:
+        value = self._values.get(key, default)
+        if value is not None and (type(value) is not int or not low <= value <= high):
+            raise self._error(f"says {key} = {_toml(value)}; it must be a whole number from {low} to {high}")
+        return value
+
+    def _seconds(self, key: str, default: float) -> float:
+        value = self._values.get(key, default)
+        if value is False:
+            return 0.0
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1e6:
+            raise self._error(f"says {key} = {_toml(value)}; it must be a number of seconds, and 0 or false is none")
+        return float(value)
+
+    def _secret(self) -> bytes | None:
+        value = self._values.get("secret")
+        if value is None:
+            return None
+        try:
+            secret = bytes.fromhex(value)
+        except (ValueError, TypeError):
+            secret = b""
+        if len(secret) != KEY_BYTES:
+            raise self._error(f"has a secret that is not {2 * KEY_BYTES} hexadecimal digits; leave it out, and one is made")
+        return secret
+
+    def _ruleset(self, folder: Path) -> Ruleset:
+        name, overrides = self._values.get("ruleset", "paper"), self._values.get("rules", {})
+        if not isinstance(name, str):
+            raise self._error(f"says ruleset = {_toml(name)}; it must be a name or a file that ends in .toml, in quotes")
+        if not isinstance(overrides, Mapping):
+            raise self._error(
+                f'says rules = {_toml(overrides)}; name a ruleset by ruleset = "paper", and changes to it in [rules]'
+            )
+        return load_rules(str(folder / name) if name.endswith(".toml") else name).with_(overrides)
+
+    def _entries(self, folder: Path) -> dict[str, str]:
+        given = self._values.get("entries")
+        if isinstance(given, Mapping):
+            pairs = list(given.items())
+        elif isinstance(given, list):
+            pairs = [(Path(spec).stem if str(spec).endswith(".py") else str(spec), spec) for spec in given]
+        else:
+            raise self._error('has no entries; name them, as in: entries = ["rush", "mybot.py"]')
+        entries: dict[str, str] = {}
+        known = names()
+        for name, spec in pairs:
+            if not isinstance(spec, str):
+                raise self._error(f"says {name} = {_toml(spec)}; an entry is a policy's name or a bot file, in quotes")
+            if not is_chunk(name):
+                raise self._error(f"has an entry {name!r}; a name must be 1 to 64 letters, digits, - or _")
+            if name in entries:
+                raise self._error(f"has two entries named {name!r}; name them apart, as in: [entries] {name}-2 = {_toml(spec)}")
+            entries[name] = self._fighter(spec, folder, known)
+        if len(entries) < 2:
+            raise self._error(f"has {len(entries)} {'entry' if entries else 'entries'}; it takes two to fight")
+        return entries
+
+    def _fighter(self, spec: str, folder: Path, known: Iterable[str]) -> str:
+        if spec.endswith(".py"):
+            path = (folder / spec).absolute()
+            if not path.is_file():
+                raise self._error(f"names the bot file {spec}, and there is no {path}")
+            return str(path)
+        if spec not in known:
+            raise UnknownNameError(f"policy in league {self._name}", spec, known)
+        return spec
+
+
+def _toml(value: object) -> str:
+    return json.dumps(value, default=str)
+
+
+def find_edit(stored: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
+    """Return in words what was edited between two `League.facts`, to which `secret` may be added; None if nothing was."""
+    if stored["rules"] != now["rules"]:
+        return f"its rules were edited (were {stored['ruleset']} {stored['rules'][:8]}, are {now['ruleset']} {now['rules'][:8]})"
+    before, after = stored["entries"], now["entries"]
+    for name in sorted({*before, *after}):
+        if name not in after:
+            return f"the entry {name} was taken out"
+        if name not in before:
+            return f"the entry {name} was added"
+        if before[name] != after[name]:
+            file, other = before[name].partition(" ")[0], after[name].partition(" ")[0]
+            how = f"the content of {file} is another" if file == other else f"was {file}, is {other}"
+            return f"the entry {name} was edited ({how})"
+    for key, value in stored["clock"].items():
+        if value != now["clock"][key]:
+            return f"{key} was edited (was {value}, is {now['clock'][key]})"
+    if stored.get("secret") != now.get("secret"):
+        return "its seed or secret was edited"
+    return None
+
+
+TEMPLATE = f"""\
+# A league: arena tournament run THIS.toml
+# Stopped at any moment, it goes on where it was when it is run again. Pairs may be raised later; rules, entries, secret and
+# clock may not be edited once results are stored: give the league another name instead.
+
+# name = "friday"         # the file's own name without it; letters, digits, - and _
+
+ruleset = "paper"         # {", ".join(RULESETS)}, or a file
+pairs = {League.n_pairs}                # of each fixture; a pair is two matches on one map, sides swapped
+venue = "network"         # every entry and the referee a process of its own; "local": all in one process, no clock
+
+# seed = 1                # makes the league reproducible, and guessable by anyone; without it, a secret is made and kept
+
+turn_time_s = {_TERMS.turn_time_s}         # for each turn; 0 runs no clock
+bank_s = {_TERMS.bank_s}             # extra time of a seat, for a whole match
+grace_s = {_TERMS.grace_s}            # how long a seat may be away in a match
+slots = {League.slots}                 # matches that an entry plays at once
+
+# [rules]                 # what differs from the ruleset, as `arena rules paper` shows it
+# tick_limit = 150
+# [rules.units.ugv]
+# sight = 5
+
+[entries]                 # a name, and a policy of `arena policies` or a bot file beside this one
+rush = "rush"
+patrol = "patrol"
+# mine = "mybot.py"
+"""
+"""What `arena tournament init` writes."""

@@ -1,0 +1,29 @@
+"""The matches of a league: a round robin of fixtures, played pair by pair."""
+
+from itertools import combinations
+
+from arena.referee.local import MatchPlan
+from tournaments.fixture import plan_fixture
+from tournaments.league import League
+
+
+def plan_league(league: League, secret: bytes) -> list[MatchPlan]:
+    """Return every match of a league, the first pair of every fixture first, so that half a league is a balanced one.
+
+    An identity depends on neither the order of the entries nor the number of pairs: a league's file may be sorted
+    anew, and more pairs may be asked for.
+    """
+    fixtures = [
+        plan_fixture(league.name, one, other, league.n_pairs, secret) for one, other in combinations(sorted(league.entries), 2)
+    ]
+    return [plan for pair in range(league.n_pairs) for fixture in fixtures for plan in fixture[2 * pair : 2 * pair + 2]]
+
+
+def count_matches(n_entries: int, n_pairs: int) -> int:
+    """Return how many matches a league has."""
+    return n_entries * (n_entries - 1) * n_pairs
+
+
+def pair_of(identity: str) -> str:
+    """Return what the two matches of a pair, and no others, have in common in their identities."""
+    return identity.rsplit("/", 2)[0]

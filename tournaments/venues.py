@@ -1,0 +1,227 @@
+"""Where the matches of a league are played. Every venue takes plans and yields outcomes as matches end, in no promised order.
+
+`local` plays in this process and its workers. `network` is the real pit: a referee and every entry a process of its own, Zenoh on
+loopback between them.
+"""
+
+import multiprocessing
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from arena.errors import ArenaError
+from arena.game.ruleset import Ruleset
+from arena.game.types import Ending, Team
+from arena.policy import BatchFactory
+from arena.referee.local import MatchPlan, MatchRecord
+from arena.referee.local import play as play_matches
+from arena.referee.match import SeatRecord, Terms
+from arena.referee.seating import PlannedSeating
+from arena.referee.service import Played, Referee
+from arena.transport import open_router
+from policies.registry import load
+from tournaments.outcome import Outcome, SeatOutcome
+
+MOST_RESTARTS = 3
+"""Times that a process which died is started anew."""
+_PIT = "league"
+_POLL_S = 0.2
+_PATIENCE_S = 20
+_GOODBYE_S = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """What a venue needs to know of a league."""
+
+    ruleset: Ruleset
+    entries: Mapping[str, str]
+    """The fighter, by name or file, behind each entry."""
+    terms: Terms
+    slots: int
+    """Seats that the process of an entry holds at once."""
+    journals: Path
+
+
+def load_entry(specs: Mapping[str, str], name: str) -> BatchFactory:
+    """Return the fighter behind an entry's name; a function of the module, so that workers can be sent it."""
+    return load(specs[name])
+
+
+def play_local(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+    """Play in this process and its workers, without a clock."""
+    finder = partial(load_entry, dict(setting.entries))
+    for record in play_matches(setting.ruleset, plans, finder, journals=setting.journals):
+        yield _of_record(record)
+
+
+def play_network(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+    """Play over Zenoh, on loopback.
+
+    Raises
+    ------
+    ArenaError
+        A process died again and again; its log says why.
+    """
+    if not plans:
+        return
+    setting.journals.mkdir(parents=True, exist_ok=True)
+    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    with ExitStack() as processes:
+        referee = processes.enter_context(_RefereeProcess(setting, endpoint))
+        referee.start(plans)
+        names = sorted({name for plan in plans for name in (plan.blue, plan.red)})
+        clients = [processes.enter_context(_ClientProcess(setting, endpoint, name)) for name in names]
+        left = {plan.identity: plan for plan in plans}
+        while left:
+            for outcome in referee.hear(list(left.values())):
+                if outcome.ending is not Ending.VOID and left.pop(outcome.identity, None) is not None:
+                    yield outcome
+            for client in clients:
+                if any(client.name in (plan.blue, plan.red) for plan in left.values()):
+                    client.keep_alive()
+
+
+VENUES = {"local": play_local, "network": play_network}
+
+
+class _RefereeProcess:
+    """The referee of a league in a process of its own, heard over a pipe."""
+
+    def __init__(self, setting: Setting, endpoint: str) -> None:
+        self._setting, self._endpoint = setting, endpoint
+        self._context = multiprocessing.get_context("spawn")
+        self._restarts = 0
+
+    def __enter__(self) -> "_RefereeProcess":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.terminate()
+        self._process.join(_GOODBYE_S)
+        self._process.kill()
+
+    def start(self, plans: Sequence[MatchPlan]) -> None:
+        """Start, and wait until the pit is open."""
+        self._heard, said = self._context.Pipe(duplex=False)
+        self._process = self._context.Process(
+            target=_referee, args=(said, self._endpoint, self._setting, list(plans)), name="referee", daemon=True
+        )
+        self._process.start()
+        said.close()
+
+    def hear(self, left: Sequence[MatchPlan]) -> list[Outcome]:
+        """Return the matches that ended meanwhile; a referee that died is started anew with what is left."""
+        try:
+            heard: list[Outcome] = []
+            while self._heard.poll(0 if heard else _POLL_S):
+                heard.append(self._heard.recv())
+            return heard
+        except EOFError:
+            self._process.join()
+            self._restarts += 1
+            if self._restarts > MOST_RESTARTS:
+                raise ArenaError(
+                    f"the referee died {self._restarts} times, last with exit code {self._process.exitcode}"
+                ) from None
+            self.start(left)
+            return []
+
+
+class _ClientProcess:
+    """`arena join` as a process; what it says goes to a log beside the journals."""
+
+    def __init__(self, setting: Setting, endpoint: str, name: str) -> None:
+        self.name = name
+        self._log = setting.journals / f"{name}.log"
+        # `-P` keeps the current folder out of the import path: a bot's neighbours must not pose as our modules.
+        self._command = [
+            sys.executable, "-P", "-c", "from arena.cli import main; main()", "join", f"arena://{endpoint.removeprefix('tcp/')}/{_PIT}",
+            "--name", name, "--policy", setting.entries[name], "--forever", "--slots", str(setting.slots), "--patience", str(_PATIENCE_S),
+        ]  # fmt: skip
+        self._restarts = 0
+        self._start()
+
+    def _start(self) -> None:
+        with self._log.open("ab") as log:
+            self._process = subprocess.Popen(self._command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+
+    def __enter__(self) -> "_ClientProcess":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.terminate()
+        try:
+            self._process.wait(_GOODBYE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def keep_alive(self) -> None:
+        """Start the client anew if it died, while it still has matches to play."""
+        if self._process.poll() is None:
+            return
+        self._restarts += 1
+        if self._restarts > MOST_RESTARTS:
+            raise ArenaError(f"the client of {self.name} died {self._restarts} times; see {self._log}")
+        self._start()
+
+
+def _referee(said: Connection, endpoint: str, setting: Setting, plans: list[MatchPlan]) -> None:
+    """Referee the plans, resuming those whose journal was begun, and say each outcome."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = os.getppid()
+    ours = {plan.identity for plan in plans}
+    with open_router(endpoint) as session:
+        seating = PlannedSeating(plans)
+        referee = Referee(
+            session, _PIT, setting.ruleset, seating, setting.terms, setting.journals,
+            on_end=lambda played: said.send(_of_played(played)),
+        )  # fmt: skip
+        signal.signal(signal.SIGTERM, lambda *_: referee.stop())
+        seating.withdraw(referee.resume(lambda identity: identity in ours))
+        try:
+            referee.run(lambda: (seating.is_done and referee.n_running == 0) or os.getppid() != parent)
+        finally:
+            referee.close()
+
+
+def _free_port() -> int:
+    """Return a port of loopback that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _of_record(record: MatchRecord) -> Outcome:
+    result, plan = record.result, record.plan
+    return Outcome(
+        identity=plan.identity, blue=plan.blue, red=plan.red, ending=result.ending, winner=result.winner, score=result.score,
+        ticks=result.ticks, reason=result.reason,
+        seats={team: SeatOutcome(faults={"unreadable": faults.raised + faults.illegal}) for team, faults in zip(Team, record.faults, strict=True)},
+    )  # fmt: skip
+
+
+def _of_played(played: Played) -> Outcome:
+    header, result = played.header, played.result
+    return Outcome(
+        identity=header.identity, blue=header.blue, red=header.red, ending=result.ending, winner=result.winner, score=result.score,
+        ticks=result.ticks, reason=result.reason, seats={team: _of_seat(seat) for team, seat in played.seats.items()},
+    )  # fmt: skip
+
+
+def _of_seat(seat: SeatRecord) -> SeatOutcome:
+    ordered = sorted(seat.latencies_s)
+    if not ordered:
+        return SeatOutcome(faults=seat.faults())
+    return SeatOutcome(
+        faults=seat.faults(), latency_p50_s=ordered[len(ordered) // 2], latency_p99_s=ordered[int(len(ordered) * 0.99)]
+    )
