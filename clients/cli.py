@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from arena.console import AsJson, print_json, print_table
 from arena.errors import InputError, PolicyError
 from policies.cli import complete_policy
 
@@ -82,3 +83,19 @@ def _say_end(seat: "Seat") -> None:
     first = seat.faults().first_traceback
     if first:
         typer.echo(f"the policy first failed like this:\n{first}", err=True)
+
+
+def doctor(
+    pit: Annotated[str, typer.Option(metavar="ADDRESS", help="Also ask whether this pit answers.")] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Check that this machine can run the arena, and that a pit answers; exit 1 if something is amiss."""
+    from clients.doctor import examine
+
+    findings = examine(pit)
+    if as_json:
+        print_json([{"what": what, "ok": is_ok, "finding": finding} for what, is_ok, finding in findings])
+    else:
+        print_table(("what", "ok", "finding"), findings)
+    if not all(is_ok for _, is_ok, _ in findings):
+        raise typer.Exit(1)

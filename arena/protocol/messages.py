@@ -138,4 +138,20 @@ class Facts:
     """Blue's."""
 
 
-Message = JoinRequest | Ticket | Wait | Refusal | Closed | Ready | Turn | History | Orders | Ended | Facts
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lobby:
+    """What everyone may know of a pit."""
+
+    pit: str
+    rules: str
+    """Name of the ruleset."""
+    rules_hash: str
+    n_begun: int
+    """Matches since the pit opened."""
+    running: list[dict[str, Any]]
+    """match, blue, red, tick of each."""
+    waiting: list[str]
+    """Names of those who wait for an opponent."""
+
+
+Message = JoinRequest | Ticket | Wait | Refusal | Closed | Ready | Turn | History | Orders | Ended | Facts | Lobby

@@ -177,9 +177,9 @@ class Match:
             blue = self._n_units[Team.BLUE]
             self._answers = {Team.BLUE: record.orders[:blue], Team.RED: record.orders[blue:]}
             self._marks = dict(zip(Team, record.marks, strict=True))
-            if not self._games.is_over[0]:
-                self._play_tick()
-            if self._chain != record.chain:
+            is_over = bool(self._games.is_over[0])
+            self._play_tick()
+            if is_over or self._chain != record.chain:
                 raise JournalError(f"the journal was changed: at tick {number} its orders or its state are others")
         return self._end(match_result(self._games, 0)) if self._games.is_over[0] else []
 
@@ -236,7 +236,7 @@ class Match:
         if gone:
             # Whoever is away as well has not come to fight either: nobody wins by being gone a moment later.
             gone = [team for team, seat in self._seats.items() if seat.away_since_s is not None]
-            return self._forfeit(gone, "did not come back in time" if self.phase is Phase.PLAYING else "was not ready in time")
+            return self._forfeit(gone, "did not come back in time" if self.phase is Phase.PLAYING else "did not get ready in time")
         if self.phase is Phase.WAITING or self.terms.turn_time_s is None:
             return []
         for team, seat in self._seats.items():

@@ -21,7 +21,7 @@ from arena.policy import MatchResult
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import (
-    PROTOCOL_VERSION, Closed, Ended, Facts, History, JoinRequest, Message, Orders, Ready, Refusal, Ticket, Turn, Wait,
+    PROTOCOL_VERSION, Closed, Ended, Facts, History, JoinRequest, Lobby, Message, Orders, Ready, Refusal, Ticket, Turn, Wait,
 )  # fmt: skip
 from arena.protocol.sealing import OpenSeal
 from arena.referee.journal import Header, journal_name, read_journal, whole_part
@@ -44,6 +44,8 @@ MOST_GUESTS = 4_096
 MOST_RUNNING = 256
 """Matches at once; each costs an open file."""
 _SWEEP_S = 0.01
+_MOST_LISTED = 200
+"""Matches, and guests, that the lobby names."""
 _HISTORY_BYTES = 50_000
 
 
@@ -117,10 +119,12 @@ class Referee:
         self._guests: dict[SeatId, _Guest] = {}
         self._is_stopping = False
         self.n_dropped = 0
+        self._n_begun = 0
         journals.mkdir(parents=True, exist_ok=True)
         session.watch_presence(topics.all_presence(pit), self._enqueue(self._on_presence))
         session.subscribe(topics.all_actions(pit), self._enqueue(self._on_action))
         session.answer(topics.join(pit), self._enqueue(self._on_join))
+        session.answer(topics.lobby(pit), self._enqueue(self._on_lobby))
 
     @property
     def n_running(self) -> int:
@@ -281,6 +285,21 @@ class Referee:
             self._forget_guest(seat)
             question.answer(encode(answer))
 
+    def _on_lobby(self, question: Question) -> None:
+        running = [
+            {"match": table.id, "blue": table.match.header.blue, "red": table.match.header.red, "tick": table.match.tick}
+            for table in self._tables.values()
+        ]
+        lobby = Lobby(
+            pit=self._pit,
+            rules=self._ruleset.name,
+            rules_hash=self._ruleset.hash,
+            n_begun=self._n_begun,
+            running=running[:_MOST_LISTED],
+            waiting=[guest.request.name for guest in self._guests.values()][:_MOST_LISTED],
+        )
+        question.answer(encode(lobby))
+
     def _object_to(self, request: Message) -> str:
         """Return why a request cannot be met whatever seats are free, or nothing."""
         if not isinstance(request, JoinRequest):
@@ -313,6 +332,7 @@ class Referee:
     # What is done
 
     def _begin(self, pairing: Pairing) -> None:
+        self._n_begun += 1
         plan = pairing.plan
         header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
         match = Match(header, self._terms, time.monotonic())

@@ -161,8 +161,9 @@ def lay(rules: Ruleset, n_games: int = 1, seed: int = 0) -> Games:
     """Return games at the start of the ruleset's board, each with keys of its own."""
     games = Games(rules, n_games)
     board = parse_board(str(rules.board))
-    for row in range(n_games):
-        lay_out(games.state, games.tables, row, board, rules)
+    lay_out(games.state, games.tables, 0, board, rules)
+    for array in games.state:
+        array[:] = array[0]
     games.state.key[:] = np.random.default_rng(seed).integers(0, 2**32, games.state.key.shape, dtype=np.uint32)
     return games
 

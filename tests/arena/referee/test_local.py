@@ -1,7 +1,6 @@
 """The local venue: a match is the same however it is run, and a bad fighter costs its own seat alone."""
 
 import multiprocessing
-import os
 import random
 import sys
 from collections.abc import Callable, Sequence
@@ -331,73 +330,40 @@ def test_only_the_bad_ticks_are_marked(planned: Plan) -> None:
     assert record.faults[Team.BLUE].illegal == len(marks[::3])
 
 
-def dies(observation: Observation) -> Sequence[int]:
-    os._exit(3)
-
-
-def load_mortal(name: str) -> BatchFactory:
-    """Load a fighter in a worker process."""
-    return EachSeatFactory(Mortal) if name == "mortal" else registry.load(name)
-
-
-class Mortal:
-    act = staticmethod(dies)
-
-
-def load_nothing(name: str) -> BatchFactory:
-    raise InputError(f"{name} is gone")
-
-
-class Blank:
-    """Prints, by two ways, as bots do."""
-
-    def act(self, observation: Observation) -> Sequence[int]:
-        print("bot says hello")
-        os.write(1, b"bot writes hello\n")
-        return []
-
-
-def load_blank(name: str) -> BatchFactory:
-    return EachSeatFactory(Blank)
-
-
-def play_in_workers(code_of_load: Any, planned: Plan) -> list[MatchRecord]:
-    matches = [planned(f"paper/{number}", blue, "rush") for number, blue in enumerate(["mortal", "rush"] * 2)]
-    return list(play(PAPER, matches, code_of_load, n_workers=2))
-
-
 @pytest.fixture
-def _importable(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let workers import this file by its name."""
-    folder = str(Path(__file__).parent)
-    monkeypatch.syspath_prepend(folder)
-    for function in (load_mortal, load_nothing, load_blank):
-        monkeypatch.setattr(function, "__module__", Path(__file__).stem)
-    monkeypatch.setitem(sys.modules, Path(__file__).stem, sys.modules.get(__name__) or sys.modules["__main__"])
+def in_workers(tmp_path: Path, planned: Plan) -> Callable[[str], list[MatchRecord]]:
+    """Play a bot file against `rush` in two workers."""
+
+    def run(code: str) -> list[MatchRecord]:
+        bot = tmp_path / "bot.py"
+        bot.write_text(code)
+        matches = [planned(f"paper/{number}", *((str(bot), "rush"), ("rush", str(bot)))[number % 2]) for number in range(4)]
+        return list(play(PAPER, matches, registry.load, n_workers=2))
+
+    return run
 
 
-@pytest.mark.usefixtures("_importable")
-def test_a_bot_that_kills_its_worker_is_one_sentence(planned: Plan) -> None:
+def test_a_bot_that_kills_its_worker_is_one_sentence(in_workers: Callable[[str], list[MatchRecord]]) -> None:
     with pytest.raises(ArenaError, match="a worker died: a fighter ended its process") as found:
-        play_in_workers(load_mortal, planned)
+        in_workers("import os\n\ndef act(observation):\n    os._exit(3)\n")
 
     assert found.value.exit_code == 1
 
 
-@pytest.mark.usefixtures("_importable")
-def test_an_error_of_a_worker_comes_home(planned: Plan) -> None:
-    with pytest.raises(InputError, match="is gone"):
-        play_in_workers(load_nothing, planned)
+def test_an_error_of_a_worker_comes_home(in_workers: Callable[[str], list[MatchRecord]]) -> None:
+    with pytest.raises(InputError, match="bot.py has no bot; write a function act"):
+        in_workers("acct = None\n")
 
 
-@pytest.mark.usefixtures("_importable")
-def test_what_bots_print_in_workers_goes_to_stderr(planned: Plan, capfd: pytest.CaptureFixture[str]) -> None:
-    play_in_workers(load_blank, planned)
+def test_what_bots_print_in_workers_goes_to_stderr(
+    in_workers: Callable[[str], list[MatchRecord]], capfd: pytest.CaptureFixture[str]
+) -> None:
+    in_workers("import os\n\ndef act(observation):\n    print('bot says')\n    os.write(1, b'bot writes\\n')\n")
 
     out, err = capfd.readouterr()
     assert out == ""
-    assert "bot says hello" in err
-    assert "bot writes hello" in err
+    assert "bot says" in err
+    assert "bot writes" in err
 
 
 def test_leaving_early_ends_the_workers(plans: list[MatchPlan]) -> None:

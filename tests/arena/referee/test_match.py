@@ -109,8 +109,8 @@ def test_who_is_not_ready_in_time_forfeits(there: Team | None, winner: Team | No
     assert (result.ending, result.winner, result.ticks) == (Ending.FORFEIT, winner, 0)
     assert result.score == {BLUE: WIN, RED: -WIN, None: 0}[winner]
     assert result.reason == {
-        BLUE: "red was not ready in time", RED: "blue was not ready in time", None: "blue and red was not ready in time",
-    }[winner].replace("blue and red was", "blue and red were")  # fmt: skip
+        BLUE: "red did not get ready in time", RED: "blue did not get ready in time", None: "blue and red did not get ready in time",
+    }[winner]  # fmt: skip
     assert verify(table.read()) == 0
 
 
@@ -470,9 +470,8 @@ SCRIPTS = st.lists(st.tuples(st.one_of(st.none(), ANSWERS), st.one_of(st.none(),
 """What each team answers at each tick; None comes too late."""
 
 
-def follow(table: Table, script: list[tuple[bytes | None, bytes | None]]) -> None:
+def follow(table: Table, script: list[tuple[bytes | None, bytes | None]], now_s: float = 0.0) -> None:
     """Play the rest of a script from where the match stands."""
-    now_s = 0.0
     while table.match.phase is Phase.PLAYING:
         tick = table.match.tick
         for team, answer in zip(Team, script[tick], strict=True):
@@ -502,7 +501,7 @@ def test_a_match_that_was_cut_anywhere_ends_with_the_same_journal(
     resumed = resume(whole.journal[: head + int(part * (len(whole.journal) - head - 1))], terms, now_s=1e6)
     if resumed.match.phase is not Phase.OVER:
         resumed.begin(now_s=1e6)
-        follow(resumed, script)
+        follow(resumed, script, now_s=1e6)
 
     assert resumed.journal == whole.journal
     assert verify(resumed.read()) == 6

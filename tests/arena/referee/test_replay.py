@@ -5,11 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from arena.game.keys import MatchKeys
 from arena.game.ruleset import RULESETS, Ruleset, load
 from arena.game.state import Fact
 from arena.game.types import Ending, Team
 from arena.games import Games
-from arena.policy import MatchResult
+from arena.policy import BatchFactory, MatchResult
 from arena.referee.journal import read_journal, write_ending
 from arena.referee.local import MatchPlan, MatchRecord, play_batch
 from arena.referee.replay import BrokenChainError, match_result, replay, verify
@@ -63,12 +64,10 @@ def test_every_journal_of_every_fighter_verifies(
         assert verify(read_journal(record.journal)) == record.result.ticks
 
 
-def test_the_canonical_bytes_are_kept() -> None:
+def test_the_canonical_bytes_are_kept(every_tick: Callable[[list[int]], BatchFactory]) -> None:
     """Another hash here means that old journals no longer verify: RULES_VERSION or the journal's first line must rise."""
-    from arena.game.keys import MatchKeys
-
     plan = MatchPlan(identity="fixed", blue="a", red="b", keys=MatchKeys(map_key=bytes(32), match_key=bytes(range(32))))
-    [record] = play_batch(load("paper"), [plan], registry.load("rush"), registry.load("patrol"))
+    [record] = play_batch(load("paper"), [plan], every_tick([1, 2, 3, 4, 2, 4]), every_tick([2, 2, 4, 4, 1, 3]))
     assert record.journal is not None
 
     assert read_journal(record.journal).canonical_hash == "FIXED_HASH"

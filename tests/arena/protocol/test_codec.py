@@ -1,0 +1,165 @@
+from dataclasses import fields
+from typing import Any, get_args
+
+import msgpack
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from arena.errors import UnreadableError
+from arena.game.ruleset import load, to_dict
+from arena.protocol.codec import MOST_BYTES, decode, encode
+from arena.protocol.messages import PROTOCOL_VERSION, Ended, JoinRequest, Message, Orders, Ready, Ticket, Turn
+
+KINDS: tuple[type, ...] = get_args(Message)
+WHOLE = st.integers(-(2**63), 2**64 - 1)
+PLAIN = st.recursive(
+    st.none() | st.booleans() | WHOLE | st.floats(allow_nan=False) | st.text(max_size=9) | st.binary(max_size=9),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=8,
+)
+VALUES: dict[Any, st.SearchStrategy[Any]] = {
+    int: WHOLE,
+    str: st.text(max_size=70),
+    bytes: st.binary(max_size=200),
+    float: st.floats(allow_nan=False),
+    str | None: st.none() | st.text(max_size=9),
+    float | None: st.none() | st.floats(allow_nan=False),
+    list[int]: st.lists(WHOLE, max_size=4),
+    list[bytes]: st.lists(st.binary(max_size=50), max_size=4),
+    dict[str, Any]: st.dictionaries(st.text(max_size=9), PLAIN, max_size=4),
+    dict[str, dict[str, int]]: st.dictionaries(
+        st.text(max_size=5), st.dictionaries(st.text(max_size=5), WHOLE, max_size=3), max_size=3
+    ),
+}
+MESSAGES = st.one_of([st.builds(kind, **{field.name: VALUES[field.type] for field in fields(kind)}) for kind in KINDS])
+TICKET = Ticket(
+    match="0123456789abcdef", team=1, ruleset={"name": "paper", **to_dict(load("paper"))}, opponent="ann", turn_time_s=None,
+    bank_s=10.0, tick=7,
+)  # fmt: skip
+
+
+@given(MESSAGES)
+def test_a_message_comes_back_as_it_was(message: Message) -> None:
+    assert decode(encode(message)) == message
+
+
+def test_a_ticket_carries_a_ruleset() -> None:
+    assert decode(encode(TICKET)) == TICKET
+    assert len(encode(TICKET)) < 1_000
+
+
+def test_a_whole_number_will_do_for_seconds() -> None:
+    data = encode(TICKET).replace(msgpack.packb(10.0), msgpack.packb(10))
+
+    message = decode(data)
+
+    assert isinstance(message, Ticket)
+    assert message.bank_s == 10
+
+
+def is_read_or_refused(data: bytes) -> None:
+    """Decode, and let nothing but `UnreadableError` pass."""
+    try:
+        message = decode(data)
+    except UnreadableError:
+        return
+    assert type(message) in KINDS
+
+
+@given(MESSAGES, st.data())
+def test_changed_bytes_are_a_message_or_unreadable(message: Message, data: st.DataObject) -> None:
+    changed = bytearray(encode(message))
+    for _ in range(data.draw(st.integers(1, 4))):
+        changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
+
+    is_read_or_refused(bytes(changed))
+
+
+@given(MESSAGES, st.floats(0, 1, exclude_max=True))
+def test_truncated_bytes_are_unreadable(message: Message, part: float) -> None:
+    data = encode(message)
+
+    with pytest.raises(UnreadableError):
+        decode(data[: int(part * len(data))])
+
+
+@given(MESSAGES, st.binary(min_size=1, max_size=5))
+def test_bytes_behind_a_message_are_unreadable(message: Message, more: bytes) -> None:
+    with pytest.raises(UnreadableError):
+        decode(encode(message) + more)
+
+
+@given(st.binary(max_size=300))
+def test_random_bytes_are_a_message_or_unreadable(data: bytes) -> None:
+    is_read_or_refused(data)
+
+
+@given(st.one_of(PLAIN, st.lists(PLAIN, max_size=9), st.builds(lambda *rest: [PROTOCOL_VERSION, *rest], st.integers(-2, 14), PLAIN, PLAIN)))
+def test_msgpack_that_is_no_message_is_unreadable_or_a_message(value: Any) -> None:
+    is_read_or_refused(msgpack.packb(value))
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        msgpack.packb([]),
+        msgpack.packb({}),
+        msgpack.packb([PROTOCOL_VERSION]),
+        msgpack.packb([True, 5, 0]),
+        msgpack.packb([PROTOCOL_VERSION, True, 0]),
+        msgpack.packb([PROTOCOL_VERSION, -1, 0]),
+        msgpack.packb([PROTOCOL_VERSION, len(KINDS), 0]),
+        msgpack.packb([PROTOCOL_VERSION, KINDS.index(Ready)]),
+        msgpack.packb([PROTOCOL_VERSION, KINDS.index(Ready), 1, 2]),
+        msgpack.packb([PROTOCOL_VERSION, KINDS.index(Ready), "1"]),
+        msgpack.packb([PROTOCOL_VERSION, KINDS.index(Ready), True]),
+        msgpack.packb([PROTOCOL_VERSION, KINDS.index(Ready), 1.0]),
+        msgpack.packb([PROTOCOL_VERSION, KINDS.index(Orders), 0, "text"]),
+        b"\xdd\xff\xff\xff\xff",
+        b"\xc6\xff\xff\xff\xff",
+        b"\x91" * 50_000,
+        b"\x93\x01\x07\xa4\xff\xff\xff\xff",
+        b"\x82\x90\x01\x90\x02",
+    ],
+)
+def test_what_looks_like_a_message_and_is_none_is_unreadable(data: bytes) -> None:
+    with pytest.raises(UnreadableError):
+        decode(data)
+
+
+def test_a_message_that_is_too_long_is_not_even_looked_at() -> None:
+    with pytest.raises(UnreadableError, match="60001 bytes"):
+        decode(bytes(MOST_BYTES + 1))
+
+
+def test_another_version_is_refused_in_one_sentence() -> None:
+    values = msgpack.unpackb(encode(Ready(known_ticks=1)))
+
+    with pytest.raises(UnreadableError, match=rf"^the other side speaks version 99 of the protocol; this is version {PROTOCOL_VERSION}$"):
+        decode(msgpack.packb([99, *values[1:], "and what version 99 adds"]))
+
+
+def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
+    """Who changes a field, changes this, and raises PROTOCOL_VERSION once a version has been published."""
+    shape = {kind.__name__: [f"{field.name}: {getattr(field.type, '__name__', field.type)}" for field in fields(kind)] for kind in KINDS}
+
+    assert PROTOCOL_VERSION == 1
+    assert list(shape) == ["JoinRequest", "Ticket", "Wait", "Refusal", "Closed", "Ready", "Turn", "History", "Orders", "Ended", "Facts"]
+    assert shape["JoinRequest"] == [
+        "version: int", "rules_version: int", "name: str", "team: str", "client: str", "slot: int", "rules_hash: str", "match: str",
+    ]  # fmt: skip
+    assert shape["Turn"] == ["tick: int", "observation: bytes"]
+    assert shape["Orders"] == ["tick: int", "actions: bytes"]
+
+
+def test_messages_of_a_turn_are_small() -> None:
+    assert len(encode(Orders(tick=99, actions=bytes(6)))) <= 12
+    assert len(encode(Turn(tick=99, observation=bytes(500)))) <= 510
+
+
+def test_every_kind_of_message_is_made_here() -> None:
+    assert {type(example) for example in (TICKET, Ready(known_ticks=0))} < set(KINDS)
+    assert JoinRequest(rules_version=1, name="a", team="any", client="b", slot=0).version == PROTOCOL_VERSION
+    assert Ended(ending="capture", winner=None, score=0, ticks=1, reason="").faults == {}

@@ -1,0 +1,128 @@
+from collections.abc import Callable
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from worlds import SEEDS, rulesets, scatter
+
+from arena.errors import UnreadableError
+from arena.game.ruleset import Ruleset, load
+from arena.game.types import Team
+from arena.games import Games
+from arena.observation import Observations
+from arena.protocol.sight import pack, unpack
+
+PAPER = load("paper")
+CLOCKS = st.none() | st.floats(0, 1e9, allow_nan=False)
+
+
+def any_game(rules: Ruleset, seed: int) -> Games:
+    games = Games(rules, 1)
+    scatter(games, 0, np.random.default_rng(seed))
+    return games
+
+
+def assert_equal(one: Observations, other: Observations, n_cells: int) -> None:
+    for field in fields(Observations):
+        mine, theirs = getattr(one, field.name), getattr(other, field.name)
+        if field.name == "ground":
+            mine, theirs = mine[:, :n_cells], theirs[:, :n_cells]
+        if isinstance(mine, np.ndarray):
+            assert (mine.dtype, mine.shape) == (theirs.dtype, theirs.shape), field.name
+            assert mine.tobytes() == theirs.tobytes(), field.name
+        else:
+            assert mine == theirs, field.name
+
+
+@given(rulesets(max_side=24), SEEDS, CLOCKS)
+def test_an_observation_comes_back_as_it_was(rules: Ruleset, seed: int, clock_s: float | None) -> None:
+    games = any_game(rules, seed)
+
+    for team, seen in games.observe().items():
+        back, clock = unpack(pack(seen, 0, clock_s, rules.side**2), rules, team)
+        assert_equal(seen, back, rules.side**2)
+        assert repr(seen.seat(0, rules).units) == repr(back.seat(0, rules).units)
+        if clock_s is None:
+            assert clock is None
+        else:
+            assert clock is not None
+            assert abs(clock - min(clock_s, 4_294_967.294)) <= 0.001
+
+
+def test_observations_of_whole_games_come_back_as_they_were(size: Callable[[int, int], int]) -> None:
+    rng = np.random.default_rng(5)
+    for name in ("paper", "gym-cap", "exp1", "mirror"):
+        rules = load(name)
+        games = Games(rules, 3)
+        for row in range(3):
+            scatter(games, row, rng)
+        for _ in range(size(30, 300)):
+            for team, seen in games.observe().items():
+                for row in range(3):
+                    back, _ = unpack(pack(seen, row, 1.5, rules.side**2), rules, team)
+                    assert_equal(seen.select([row]), back, rules.side**2)
+            games.step(rng.integers(-1, 6, (3, sum(games.n_units.values())), dtype=np.int8))
+
+
+@given(rulesets(max_side=16), st.lists(SEEDS, min_size=2, max_size=6), CLOCKS)
+def test_all_observations_under_one_ruleset_have_one_length(rules: Ruleset, seeds: list[int], clock_s: float | None) -> None:
+    for team in Team:
+        lengths = {
+            len(pack(any_game(rules, seed).observe()[team], 0, clock, rules.side**2)) for seed in seeds for clock in (None, clock_s)
+        }
+        assert len(lengths) == 1
+
+
+def test_a_policy_may_write_to_what_it_is_shown() -> None:
+    """As in the local venue; kernels are compiled for it."""
+    seen = any_game(PAPER, 1).observe()[Team.RED]
+
+    back, _ = unpack(pack(seen, 0, None, 400), PAPER, Team.RED)
+
+    for field in fields(Observations):
+        array = getattr(back, field.name)
+        assert not isinstance(array, np.ndarray) or array.flags.writeable, field.name
+
+
+def is_read_or_refused(data: bytes, rules: Ruleset, team: Team) -> None:
+    """Unpack, let nothing but `UnreadableError` pass, and check that what is read can be used."""
+    try:
+        seen, clock_s = unpack(data, rules, team)
+    except UnreadableError:
+        return
+    seat = seen.seat(0, rules, clock_s)
+    assert seat.grid.shape == (rules.side, rules.side)
+    assert seat.legal_actions.shape == (len(seat.units), 5)
+
+
+@given(rulesets(max_side=12), SEEDS, st.sampled_from(Team), st.data())
+def test_changed_bytes_are_an_observation_or_unreadable(rules: Ruleset, seed: int, team: Team, data: st.DataObject) -> None:
+    changed = bytearray(pack(any_game(rules, seed).observe()[team], 0, 1.0, rules.side**2))
+    for _ in range(data.draw(st.integers(1, 5))):
+        changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
+
+    is_read_or_refused(bytes(changed), rules, team)
+
+
+@given(st.binary(max_size=600), st.sampled_from(Team))
+def test_random_bytes_are_unreadable(data: bytes, team: Team) -> None:
+    with pytest.raises(UnreadableError):
+        unpack(data, PAPER, team)
+
+
+@given(SEEDS)
+def test_random_bytes_of_the_right_length_are_unreadable(seed: int) -> None:
+    length = len(pack(any_game(PAPER, 1).observe()[Team.BLUE], 0, None, 400))
+
+    is_read_or_refused(np.random.default_rng(seed).bytes(length), PAPER, Team.BLUE)
+
+
+@pytest.mark.parametrize("change", [-1, 1])
+def test_another_length_is_refused_with_both(change: int) -> None:
+    data = pack(any_game(PAPER, 1).observe()[Team.BLUE], 0, None, 400)
+    other = data[:change] if change < 0 else data + b"\0"
+
+    with pytest.raises(UnreadableError, match=f"an observation has {len(data)} bytes under these rules, not {len(other)}"):
+        unpack(other, PAPER, Team.BLUE)

@@ -1,0 +1,55 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from arena.errors import InputError, UnreadableError
+from arena.game.types import Team
+from arena.protocol import topics
+from arena.protocol.sealing import OpenSeal
+
+CHUNKS = st.from_regex(r"[A-Za-z0-9_-]{1,64}", fullmatch=True)
+
+
+@given(CHUNKS, CHUNKS, st.sampled_from(Team))
+def test_an_action_key_is_read_back(pit: str, match: str, team: Team) -> None:
+    assert topics.read_action(topics.action(pit, match, team)) == (match, team)
+
+
+@given(CHUNKS, CHUNKS, CHUNKS)
+def test_a_presence_key_is_read_back(pit: str, name: str, client: str) -> None:
+    assert topics.read_presence(topics.presence(pit, name, client)) == client
+
+
+def test_the_keys_are_those_of_the_design() -> None:
+    assert topics.join("p") == "arena/p/join"
+    assert topics.lobby("p") == "arena/p/lobby"
+    assert topics.observation("p", "m", Team.RED) == "arena/p/match/m/red/observation"
+    assert topics.action("p", "m", Team.BLUE) == "arena/p/match/m/blue/action"
+    assert topics.all_actions("p") == "arena/p/match/*/*/action"
+    assert topics.public("p", "m") == "arena/p/match/m/public"
+    assert topics.presence("p", "ann", "c") == "arena/p/presence/ann/c"
+    assert topics.all_presence("p") == "arena/p/presence/*/*"
+
+
+@pytest.mark.parametrize("key", ["", "arena/p/match/m/green/action", "arena/p/match/m/*/action", "arena/p/match/m/red", "a/b/c/d/red/f/g"])
+def test_another_key_is_no_seats_key(key: str) -> None:
+    with pytest.raises(UnreadableError):
+        topics.read_action(key)
+
+
+@pytest.mark.parametrize("chunk", ["", "*", "**", "a/b", "$", "#", "?", " ", "ä", "a\n", "x" * 65])
+def test_a_name_that_could_reach_into_another_key_is_refused(chunk: str) -> None:
+    assert not topics.is_chunk(chunk)
+    with pytest.raises(InputError, match="the name is .*; it must be 1 to 64 letters, digits, - or _"):
+        topics.check_chunk("the name", chunk)
+
+
+@given(CHUNKS)
+def test_a_plain_name_is_taken(chunk: str) -> None:
+    assert topics.is_chunk(chunk)
+    assert topics.check_chunk("the name", chunk) == chunk
+
+
+@given(st.binary())
+def test_what_was_closed_opens(data: bytes) -> None:
+    assert OpenSeal().open(OpenSeal().close(data)) == data
