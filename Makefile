@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constr
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-full check format bench clean
+.PHONY: help setup tournament test test-full check format bench clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -23,6 +23,9 @@ $(READY): pyproject.toml constraints.txt
 	$(PIP) $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) torch
 	$(PIP) --editable '.[dev]'
 	@touch $@
+
+tournament: $(READY) ## run the starter league over the network, results in ./arena-data
+	$(BIN)/arena tournament run starter --data arena-data
 
 check: $(READY) ## ruff, mypy and lint-imports
 	$(BIN)/ruff check .

@@ -29,11 +29,11 @@ def parse_address(text: str) -> Address:
         if not slash or not rest or protocol not in ("tcp", "tls", "quic", "unixsock-stream", "ws", "udp"):
             raise InputError(f"{text!r} is no address; write arena://HOST:PORT/PIT or tcp/HOST:PORT")
         return Address(endpoint=text)
-    parts = urlsplit(text)
     try:
+        parts = urlsplit(text)
         port = parts.port
     except ValueError as error:
-        raise InputError(f"{text!r} has a port that is none") from error
+        raise InputError(f"{text!r} has a host or a port that is none") from error
     if not parts.hostname or port is None:
         raise InputError(f"{text!r} lacks a host or a port; write arena://HOST:PORT/PIT")
     host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname

@@ -35,7 +35,7 @@ class Question:
     def answer(self, payload: bytes) -> None:
         """Answer, and be done with it."""
         with suppress(zenoh.ZError):  # whoever asked may be gone
-            self._query.reply(self._key, payload, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
+            self._query.reply(self._key, payload, express=True)
         self._query.drop()
 
 

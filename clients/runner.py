@@ -146,6 +146,9 @@ class Runner:
             self._on_wait("for the pit to come back")
         return self._n_ended
 
+    def _has_begun_all(self) -> bool:
+        return self._settings.n_matches is not None and self._n_begun >= self._settings.n_matches
+
     def _is_done(self) -> bool:
         return self._is_stopping or all(slot.is_done for slot in self._slots)
 
@@ -199,7 +202,7 @@ class Runner:
     def _ask(self, session: Session, slot: _Slot, now_s: float) -> None:
         """Ask for a seat, or, with one, whether the match still runs."""
         settings = self._settings
-        if slot.seat is None and settings.n_matches is not None and self._n_begun >= settings.n_matches:
+        if slot.seat is None and self._has_begun_all():
             slot.is_done = True
             return
         team = settings.team if slot.seat is None else slot.seat.team.name.lower()
@@ -264,3 +267,4 @@ class Runner:
             self._n_ended += 1
             self._on_end(slot.seat)
             slot.free()
+            slot.is_done = self._has_begun_all()  # now: the pit may be gone the next moment

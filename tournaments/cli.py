@@ -1,4 +1,4 @@
-"""The sub-commands that make fighters meet: `arena play`, `arena tournament` and `arena leaderboard`."""
+"""The sub-commands by which fighters meet: `arena play`, `arena tournament` and `arena leaderboard`."""
 
 from functools import partial
 from pathlib import Path

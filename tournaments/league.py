@@ -240,11 +240,11 @@ def find_edit(stored: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
     if stored["rules"] != now["rules"]:
         return f"its rules were edited (were {stored['ruleset']} {stored['rules'][:8]}, are {now['ruleset']} {now['rules'][:8]})"
     before, after = stored["entries"], now["entries"]
-    for name in sorted({*before, *after}):
-        if name not in after:
-            return f"the entry {name} was taken out"
-        if name not in before:
-            return f"the entry {name} was added"
+    for name in sorted(set(before) - set(after)):
+        return f"the entry {name} was taken out"
+    for name in sorted(set(after) - set(before)):
+        return f"the entry {name} was added"
+    for name in sorted(before):
         if before[name] != after[name]:
             file, other = before[name].partition(" ")[0], after[name].partition(" ")[0]
             how = f"the content of {file} is another" if file == other else f"was {file}, is {other}"

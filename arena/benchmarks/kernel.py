@@ -27,10 +27,21 @@ _TICKS_PER_CALL = 2048
 
 def run(progress: Callable[[str], None]) -> dict[str, Any]:
     """Ticks per second of the rules kernel, by ruleset, batch and threads."""
-    return {name: _measure(name, progress) for name in RULES}
+    yardstick = _yardstick_folder()
+    return {name: _measure(name, yardstick, progress) for name in RULES}
 
 
-def _measure(name: str, progress: Callable[[str], None]) -> dict[str, Any]:
+def _yardstick_folder() -> Path | None:
+    """Return where the other kernel stands; a wrong place is said before anything is measured."""
+    folder = os.environ.get("ARENA_YARDSTICK")
+    if not folder:
+        return None
+    if not (Path(folder) / "ctfkernel.py").exists():
+        raise InputError(f"ARENA_YARDSTICK is {folder}; there is no ctfkernel.py")
+    return Path(folder)
+
+
+def _measure(name: str, yardstick: Path | None, progress: Callable[[str], None]) -> dict[str, Any]:
     results: dict[str, Any] = {}
     by_batch = {}
     for batch in BATCHES:
@@ -45,10 +56,9 @@ def _measure(name: str, progress: Callable[[str], None]) -> dict[str, Any]:
         }
     results["ticks_per_s"] = by_batch[str(HEADLINE_BATCH)]["one_thread"]
     results["batch"] = by_batch
-    folder = os.environ.get("ARENA_YARDSTICK")
-    if folder:
+    if yardstick is not None:
         progress(f"{name}, beside the yardstick")
-        ours, theirs, ratio = paired_rates(make_work(name, HEADLINE_BATCH), _yardstick_work(Path(folder)))
+        ours, theirs, ratio = paired_rates(make_work(name, HEADLINE_BATCH), _yardstick_work(yardstick))
         results["yardstick"] = {"ours": round(ours), "yardstick": round(theirs), "ratio": round(ratio, 3)}
     return results
 
@@ -72,8 +82,6 @@ def make_work(name: str, batch: int, seed: int = 0) -> Work:
 
 
 def _yardstick_work(folder: Path) -> Work:
-    if not (folder / "ctfkernel.py").exists():
-        raise InputError(f"ARENA_YARDSTICK is {folder}; there is no ctfkernel.py")
     sys.path.append(str(folder))
     kernel = importlib.import_module("ctfkernel")
     games = kernel.Games(HEADLINE_BATCH)

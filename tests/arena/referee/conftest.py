@@ -76,5 +76,3 @@ def every_tick() -> Callable[[Sequence[int]], BatchFactory]:
         return Stubborn
 
     return make
-
-

@@ -118,7 +118,7 @@ def test_a_journal_that_is_cut_within_a_tick_names_the_tick(small_journal: bytes
     _, end = header_bytes(small_journal)
     first_tick = end + CHAIN_BYTES
 
-    with pytest.raises(JournalError, match="within the record of tick 1$"):
+    with pytest.raises(JournalError, match=r"within the record of tick 1$"):
         read_journal(small_journal[: first_tick + 1])
     with pytest.raises(JournalError, match="within its header"):
         read_journal(small_journal[: end - 1])
@@ -197,7 +197,10 @@ def test_no_value_of_the_header_can_be_replaced(small_journal: bytes, value: obj
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        (lambda header: header.update(rules_version=RULES_VERSION + 1), f"written under version {RULES_VERSION + 1} of the rules"),
+        (
+            lambda header: header.update(rules_version=RULES_VERSION + 1),
+            f"written under version {RULES_VERSION + 1} of the rules",
+        ),
         (lambda header: header.update(match_key=b"short"), "its keys are not 32 bytes each"),
         (lambda header: header.update(map_key="a" * 32), "its keys are not 32 bytes each"),
         (lambda header: header.update(blue=7), "a name is not text"),
@@ -234,7 +237,7 @@ def test_a_header_with_which_no_board_can_be_drawn_does_not_verify(played: Calla
     assert record.journal is not None
     crowded = with_header(record.journal, lambda header: header["ruleset"].update(side=4))
 
-    with pytest.raises(BrokenChainError, match="its header was changed: .*boards had room"):
+    with pytest.raises(BrokenChainError, match=r"its header was changed: .*boards had room"):
         verify(read_journal(crowded))
 
 
@@ -336,7 +339,9 @@ def test_no_two_identities_share_a_file_name(identities: list[str]) -> None:
     assert all("/" not in name and name.isascii() and name.endswith(".journal") for name in names)
 
 
-@pytest.mark.parametrize(("one", "other"), [("a/b", "a+b"), ("a b", "a%20b"), ("..", "%2E%2E"), ("a/b", "a%2Fb"), ("é", "e\u0301")])
+@pytest.mark.parametrize(
+    ("one", "other"), [("a/b", "a+b"), ("a b", "a%20b"), ("..", "%2E%2E"), ("a/b", "a%2Fb"), ("é", "e\u0301")]
+)
 def test_identities_that_look_alike_have_names_of_their_own(one: str, other: str) -> None:
     assert journal_name(one) != journal_name(other)
 

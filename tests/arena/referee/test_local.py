@@ -113,9 +113,9 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(plans: list[MatchPlan],
     file = tmp_path / "file"
     file.touch()
 
-    with pytest.raises(InputError, match="cannot keep journals in .*file: it is no folder"):
+    with pytest.raises(InputError, match=r"cannot keep journals in .*file: it is no folder"):
         list(play(PAPER, plans, registry.load, journals=file))
-    with pytest.raises(InputError, match="cannot keep journals in .*: Not a directory"):
+    with pytest.raises(InputError, match=r"cannot keep journals in .*: Not a directory"):
         list(play(PAPER, plans, registry.load, journals=file / "below"))
 
 
@@ -123,7 +123,7 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(plans: list[MatchPlan],
 def test_a_journal_that_cannot_be_written_is_one_sentence(plans: list[MatchPlan], tmp_path: Path, n_workers: int) -> None:
     (tmp_path / journal_name(plans[5].identity)).mkdir()
 
-    with pytest.raises(InputError, match="cannot write the journal of paper/5 in .*: Is a directory"):
+    with pytest.raises(InputError, match=r"cannot write the journal of paper/5 in .*: Is a directory"):
         list(play(PAPER, plans, registry.load, journals=tmp_path, n_workers=n_workers))
 
 
@@ -263,7 +263,8 @@ def bad(kind: str) -> Any:
 
 RAISING = ["raises", "exits", "constructor"]
 RUBBISH = [
-    "nothing", "text", "too few", "too many", "out of range", "minus one", "not numbers", "half a step", "not a number", "a board",
+    "nothing", "text", "too few", "too many", "out of range", "minus one", "not numbers", "half a step", "not a number",
+    "a board",
 ]  # fmt: skip
 
 
@@ -286,7 +287,9 @@ def test_a_bad_bot_s_units_stay_and_the_match_goes_on(kind: str, planned: Plan) 
     assert len({record.result.ticks for record in records}) > 1
 
 
-@pytest.mark.parametrize(("kind", "says"), [("raises", "no idea on tick 0"), ("exits", "SystemExit: 3"), ("constructor", "no weights")])
+@pytest.mark.parametrize(
+    ("kind", "says"), [("raises", "no idea on tick 0"), ("exits", "SystemExit: 3"), ("constructor", "no weights")]
+)
 def test_the_first_traceback_is_kept_and_is_the_bot_s_own(kind: str, says: str, planned: Plan) -> None:
     [record] = play_batch(PAPER, [planned("paper/1")], EachSeatFactory(bad(kind)), registry.load("rush"))
 
@@ -351,7 +354,7 @@ def test_a_bot_that_kills_its_worker_is_one_sentence(in_workers: Callable[[str],
 
 
 def test_an_error_of_a_worker_comes_home(in_workers: Callable[[str], list[MatchRecord]]) -> None:
-    with pytest.raises(InputError, match="bot.py has no bot; write a function act"):
+    with pytest.raises(InputError, match=r"bot.py has no bot; write a function act"):
         in_workers("acct = None\n")
 
 

@@ -477,8 +477,9 @@ def follow(table: Table, script: list[tuple[bytes | None, bytes | None]], now_s:
         for team, answer in zip(Team, script[tick], strict=True):
             if answer is not None:
                 table.do(table.match.submit(team, tick, answer, now_s))
-        now_s += 100.0
-        table.do(table.match.advance(now_s))
+        if None in script[tick]:
+            now_s += 100.0
+            table.do(table.match.advance(now_s))
 
 
 def resume(data: bytes, terms: Terms, now_s: float) -> Table:

@@ -1,0 +1,327 @@
+"""A seat, and a seat joined with the referee's match without a network: what may be lost, doubled or late, is."""
+
+import random
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from arena.errors import InputError, UnreadableError
+from arena.game.keys import MatchKeys
+from arena.game.ruleset import Ruleset, load, to_dict
+from arena.game.types import Ending, Team
+from arena.observation import Observations
+from arena.policy import BatchPolicy, MatchResult
+from arena.protocol.codec import decode, encode
+from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn, Wait
+from arena.referee.journal import Header, read_journal
+from arena.referee.local import MatchPlan, play_batch
+from arena.referee.match import Ask, End, Event, Match, Phase, Terms, Write
+from arena.referee.replay import verify
+from clients.seat import Seat, read_ticket
+from policies import registry
+
+PAPER = load("paper")
+SHORT = PAPER.with_({"side": 10, "tick_limit": 25})
+NO_CLOCK = Terms(turn_time_s=None)
+
+
+def ticket(team: Team = Team.RED, ruleset: Ruleset = PAPER, **changes: Any) -> Ticket:
+    plain = Ticket(
+        match="m", team=int(team), ruleset={"name": ruleset.name, **to_dict(ruleset)}, opponent="ann", turn_time_s=None, bank_s=0.0,
+        tick=0,
+    )  # fmt: skip
+    return replace(plain, **changes)
+
+
+class Diary(BatchPolicy):
+    """Answers with the count of what it has seen, and writes down what it was asked."""
+
+    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int) -> None:
+        super().__init__(ruleset, team, n_seats)
+        self.asked: list[int] = []
+        self.heard: list[MatchResult] = []
+
+    def act(self, observations: Observations, orders: np.ndarray) -> None:
+        self.asked.append(int(observations.tick[0]))
+        orders[:] = len(self.asked) % 5
+
+    def end(self, seat: int, result: MatchResult) -> None:
+        self.heard.append(result)
+
+
+class Observed:
+    """Makes fighters, and checks that each is asked once per tick, in order."""
+
+    def __init__(self, make: Any) -> None:
+        self.make, self.asked = make, []  # type: Any, list[list[int]]
+
+    def __call__(self, ruleset: Ruleset, team: Team, n_seats: int) -> BatchPolicy:
+        policy = self.make(ruleset, team, n_seats)
+        act, asked = policy.act, []  # type: Any, list[int]
+        self.asked.append(asked)
+
+        def observed(observations: Observations, orders: np.ndarray) -> None:
+            asked.append(int(observations.tick[0]))
+            act(observations, orders)
+
+        policy.act = observed
+        return policy
+
+    def check(self) -> None:
+        for asked in self.asked:
+            assert asked == list(range(len(asked)))
+
+
+def seated(**changes: Any) -> tuple[Seat, Diary]:
+    diaries: list[Diary] = []
+
+    def make(*arguments: Any) -> Diary:
+        diaries.append(Diary(*arguments))
+        return diaries[-1]
+
+    return Seat(ticket(**changes), make), diaries[0]
+
+
+def observations_of(n_ticks: int) -> list[bytes]:
+    """Return what red is shown while nobody moves."""
+    match = Match(header(PAPER, "a", "b"), NO_CLOCK, 0.0)
+    shown = [event for team in Team for event in match.ready(team, 0.0)]
+    for tick in range(n_ticks - 1):
+        for team in Team:
+            shown += match.submit(team, tick, bytes(6), 0.0)
+    return [event.observation for event in shown if isinstance(event, Ask) and event.team is Team.RED]
+
+
+def header(ruleset: Ruleset, blue: str, red: str) -> Header:
+    keys = MatchKeys(map_key=b"\x07" * 32, match_key=b"\x08" * 32)
+    return Header(identity=f"{blue}/{red}", blue=blue, red=red, ruleset=ruleset, keys=keys)
+
+
+SHOWN = observations_of(5)
+
+
+def test_a_turn_is_answered_and_asked_again_answered_alike() -> None:
+    seat, diary = seated()
+
+    answers = [seat.receive(Turn(tick=0, observation=SHOWN[0])) for _ in range(3)]
+
+    assert answers == [Orders(tick=0, actions=b"\x01" * 6)] * 3
+    assert diary.asked == [0]
+
+
+def test_a_tick_long_answered_is_answered_alike_when_the_pit_has_lost_it() -> None:
+    seat, diary = seated()
+    first = [seat.receive(Turn(tick=tick, observation=SHOWN[tick])) for tick in range(3)]
+
+    again = [seat.receive(Turn(tick=tick, observation=SHOWN[tick])) for tick in range(3)]
+
+    assert first == again
+    assert diary.asked == [0, 1, 2]
+
+
+def test_a_turn_after_one_that_was_missed_asks_for_history() -> None:
+    seat, diary = seated()
+    assert seat.ready() == Ready(known_ticks=0)
+
+    assert seat.receive(Turn(tick=2, observation=SHOWN[2])) == Ready(known_ticks=0)
+    assert seat.receive(History(first_tick=0, observations=SHOWN[:2], orders=[bytes(6)] * 2)) is None
+    assert seat.receive(Turn(tick=2, observation=SHOWN[2])) == Orders(tick=2, actions=b"\x03" * 6)
+    assert diary.asked == [0, 1, 2]
+
+
+def test_history_overlaps_or_comes_too_early_and_nothing_is_seen_twice() -> None:
+    seat, diary = seated()
+    seat.receive(Turn(tick=0, observation=SHOWN[0]))
+
+    seat.receive(History(first_tick=3, observations=SHOWN[3:], orders=[bytes(6)] * 2))
+    assert diary.asked == [0]
+    for first in (0, 1, 0, 2):
+        seat.receive(History(first_tick=first, observations=SHOWN[first : first + 3], orders=[bytes(6)] * 3))
+
+    assert diary.asked == [0, 1, 2, 3, 4]
+    assert seat.ready() == Ready(known_ticks=5)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        Turn(tick=0, observation=SHOWN[0][:-1]),
+        Turn(tick=0, observation=SHOWN[1]),
+        Turn(tick=-1, observation=SHOWN[0]),
+        History(first_tick=0, observations=[b""], orders=[]),
+        History(first_tick=0, observations=[SHOWN[2]], orders=[]),
+        Ended(ending="rapture", winner=None, score=0, ticks=0, reason=""),
+        Ended(ending="capture", winner="green", score=0, ticks=0, reason=""),
+    ],
+)
+def test_what_no_referee_says_is_unreadable_and_changes_nothing(message: Message) -> None:
+    seat, diary = seated()
+
+    with pytest.raises(UnreadableError):
+        seat.receive(message)
+
+    assert (diary.asked, diary.heard, seat.ended) == ([], [], None)
+    assert seat.receive(Turn(tick=0, observation=SHOWN[0])) == Orders(tick=0, actions=b"\x01" * 6)
+
+
+def test_history_from_before_the_first_tick_and_other_messages_are_nothing() -> None:
+    seat, diary = seated()
+
+    assert seat.receive(History(first_tick=-5, observations=SHOWN, orders=[])) is None
+    assert seat.receive(Wait(reason="x")) is None
+    assert diary.asked == []
+
+
+@pytest.mark.parametrize(("team", "score"), [(Team.BLUE, 40), (Team.RED, -40)])
+def test_the_policy_hears_once_how_the_match_ended_from_its_side(team: Team, score: int) -> None:
+    seat, diary = seated(team=team)
+    with pytest.raises(ValueError, match="the match is not over"):
+        seat.result()
+
+    for _ in range(2):
+        seat.receive(Ended(ending="tick_limit", winner="blue", score=40, ticks=100, reason=""))
+
+    result = MatchResult(ending=Ending.TICK_LIMIT, winner=Team.BLUE, score=score, ticks=100)
+    assert seat.result() == result
+    assert diary.heard == [result]
+    assert seat.receive(Turn(tick=0, observation=SHOWN[0])) is None
+    assert seat.faults().raised == 0
+
+
+def test_a_ticket_is_read() -> None:
+    assert read_ticket(ticket(Team.BLUE)) == (PAPER, Team.BLUE)
+
+
+@pytest.mark.parametrize("changes", [{"team": 2}, {"team": -1}, {"match": ""}, {"match": "a/**"}])
+def test_a_ticket_for_nowhere_is_unreadable(changes: dict[str, Any]) -> None:
+    with pytest.raises(UnreadableError, match="the ticket is for"):
+        read_ticket(replace(ticket(), **changes))
+
+
+@pytest.mark.parametrize("values", [{}, {"side": 7}, {"sides": 20}, {"units": 3}])
+def test_a_ticket_for_rules_that_are_none_is_refused(values: dict[str, Any]) -> None:
+    with pytest.raises(InputError):
+        read_ticket(replace(ticket(), ruleset=values or {"name": "x", "base": "nothing"}))
+
+
+# Joined with the referee's match
+
+
+class Storm:
+    """Two seats and a match, and a network that loses, doubles and delays; processes die at random, and come back."""
+
+    def __init__(self, ruleset: Ruleset, makes: dict[Team, Observed], chance: random.Random) -> None:
+        names = {team: team.name.lower() for team in Team}
+        self.header = header(ruleset, names[Team.BLUE], names[Team.RED])
+        self.ruleset, self.makes, self.chance = ruleset, makes, chance
+        self.match = Match(self.header, NO_CLOCK, 0.0)
+        self.journal = self.match.start_record
+        self.seats = {team: self.sit(team) for team in Team}
+        self.to_seats: deque[tuple[Team, bytes]] = deque()
+        self.to_referee: deque[tuple[Team, bytes]] = deque()
+        self.ended: Ended | None = None
+
+    def sit(self, team: Team) -> Seat:
+        return Seat(ticket(team, self.ruleset), self.makes[team])
+
+    def carry_out(self, events: list[Event]) -> None:
+        for event in events:
+            if isinstance(event, Write):
+                self.journal += event.data
+            elif isinstance(event, Ask):
+                self.to_seats.append((event.team, encode(Turn(tick=event.tick, observation=event.observation))))
+            elif isinstance(event, End):
+                result = event.result
+                winner = None if result.winner is None else result.winner.name.lower()
+                self.ended = Ended(ending=result.ending.name.lower(), winner=winner, score=result.score, ticks=result.ticks, reason="")
+
+    def hear(self, team: Team, data: bytes) -> None:
+        """Take a message as the service does."""
+        message = decode(data)
+        if isinstance(message, Orders):
+            self.carry_out(self.match.submit(team, message.tick, message.actions, 0.0))
+        elif isinstance(message, Ready):
+            observations, orders = self.match.history(team, message.known_ticks)
+            for first in range(0, len(observations), 3):
+                piece = slice(first, first + 3)
+                told = History(first_tick=message.known_ticks + first, observations=observations[piece], orders=orders[piece])
+                self.to_seats.append((team, encode(told)))
+            self.carry_out(self.match.ready(team, 0.0))
+
+    def tell(self, team: Team, data: bytes) -> None:
+        answer = self.seats[team].receive(decode(data))
+        if answer is not None:
+            self.to_referee.append((team, encode(answer)))
+
+    def pass_on(self, queue: deque[tuple[Team, bytes]], deliver: Callable[[Team, bytes], None]) -> None:
+        """Deliver some message of a queue, or lose it, or keep it for another time as well."""
+        queue.rotate(self.chance.randrange(len(queue)) if self.chance.random() < 0.3 else 0)
+        team, data = queue.popleft()
+        fate = self.chance.random()
+        if fate < 0.1:
+            return
+        if fate < 0.2:
+            queue.append((team, data))
+        deliver(team, data)
+
+    def strike(self) -> None:
+        """Kill a process: a seat's, or the referee's."""
+        if self.chance.random() < 0.5:
+            team = self.chance.choice(list(Team))
+            self.carry_out(self.match.leave(team, 0.0))
+            self.seats[team] = self.sit(team)
+            return
+        self.to_seats.clear()
+        self.to_referee.clear()
+        self.match = Match(self.header, NO_CLOCK, 0.0)
+        self.carry_out(self.match.recover(read_journal(self.journal)))
+
+    def rage(self) -> None:
+        """Play to the end."""
+        while self.match.phase is not Phase.OVER:
+            if self.chance.random() < 0.02:
+                self.strike()
+            if not self.to_seats and not self.to_referee:  # silence: whoever hears nothing says that it is there
+                for team, seat in self.seats.items():
+                    self.to_referee.append((team, encode(seat.ready())))
+            if self.to_referee and (not self.to_seats or self.chance.random() < 0.5):
+                self.pass_on(self.to_referee, self.hear)
+            elif self.to_seats:
+                self.pass_on(self.to_seats, self.tell)
+
+
+def play_storm(ruleset: Ruleset, blue: str, red: str, seed: int) -> None:
+    makes = {team: Observed(registry.load(name)) for team, name in zip(Team, (blue, red), strict=True)}
+    storm = Storm(ruleset, makes, random.Random(seed))
+    plan = MatchPlan(identity=storm.header.identity, blue="blue", red="red", keys=storm.header.keys)
+
+    storm.rage()
+    (calm,) = play_batch(ruleset, [plan], registry.load(blue), registry.load(red))
+
+    assert storm.journal == calm.journal
+    assert verify(read_journal(storm.journal)) == calm.result.ticks
+    for make in makes.values():
+        make.check()
+    for seat in storm.seats.values():
+        assert storm.ended is not None
+        seat.receive(storm.ended)
+        assert seat.result().winner is calm.result.winner
+
+
+PAIRS = list(permutations(registry.OWN, 2))
+
+
+@given(st.sampled_from(PAIRS), st.integers(0, 2**32))
+def test_in_any_storm_the_match_is_that_of_the_local_venue(pair: tuple[str, str], seed: int) -> None:
+    play_storm(SHORT, *pair, seed)
+
+
+def test_a_whole_match_in_a_storm() -> None:
+    play_storm(PAPER, "roomba", "patrol", 1)

@@ -1,0 +1,148 @@
+"""A league's file: what it may say, and in which sentence it is refused."""
+
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+
+from arena.errors import InputError, UnknownNameError
+from arena.game.keys import secret_from_seed
+from arena.protocol.topics import is_chunk
+from tournaments.league import LEAGUES, TEMPLATE, League, find_edit, hash_facts, load_league, parse_league
+from tournaments.schedule import count_matches, pair_of, plan_league
+from tournaments.secret import find_secret
+
+TWO = 'entries = ["rush", "patrol"]\n'
+BOT = "def act(observation):\n    return [0] * len(observation.units)\n"
+
+
+def parse(text: str, folder: Path = Path()) -> League:
+    return parse_league(text, "friday", folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("entris = 1", "did you mean 'entries'"),
+        ('entries = ["rush", "patroll"]', "did you mean 'patrol'"),
+        ('entries = ["rush", "gone.py"]', "names the bot file gone.py, and there is no"),
+        ('entries = ["rush", "rush"]', "two entries named 'rush'"),
+        ('[entries]\na = "rush"\na = "patrol"', "not TOML"),
+        ('entries = ["rush"]', "it takes two"),
+        ("", "has no entries"),
+        ('entries = ["rush", 7]', "in quotes"),
+        ('[entries]\n"a/b" = "rush"\nc = "rush"', "'a/b'"),
+        ('name = "a b"\n' + TWO, "'a b'"),
+        ("pairs = 0\n" + TWO, "pairs = 0"),
+        ("pairs = true\n" + TWO, "whole number"),
+        ("seed = -1\n" + TWO, "seed = -1"),
+        ('secret = "ab"\n' + TWO, "64 hexadecimal digits"),
+        (f'seed = 1\nsecret = "{"ab" * 32}"\n{TWO}', "both a seed and a secret"),
+        ('venue = "netwrk"\n' + TWO, "did you mean 'network'"),
+        ("turn_time_s = true\n" + TWO, "turn_time_s"),
+        ("turn_time_s = nan\n" + TWO, "number of seconds"),
+        ('ruleset = "papr"\n' + TWO, "did you mean 'paper'"),
+        ('rules = "paper"\n' + TWO, "changes to it in [rules]"),
+        (TWO + "[rules]\nsid = 16", "did you mean 'side'"),
+    ],
+)
+def test_what_cannot_be_played_is_refused_in_one_sentence(text: str, says: str) -> None:
+    with pytest.raises(InputError) as refused:
+        parse(text)
+
+    assert says in str(refused.value)
+    assert "\n" not in str(refused.value).replace("\\n", "")
+    assert refused.value.exit_code == 2
+
+
+def test_an_unknown_league_names_the_nearest() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'starter'"):
+        load_league("startr")
+
+
+@pytest.mark.parametrize("name", LEAGUES)
+def test_a_shipped_league_can_be_played(name: str) -> None:
+    assert len(load_league(name).entries) >= 2
+
+
+def test_the_template_is_a_league_and_says_the_defaults() -> None:
+    written = parse(TEMPLATE)
+    plain = parse(TWO)
+
+    assert replace(written, entries={}) == replace(plain, entries={})
+
+
+def test_paths_start_at_the_file(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(BOT)
+    (tmp_path / "league.toml").write_text(
+        'turn_time_s = false\n[entries]\nmine = "mine.py"\nrush = "rush"\n[rules]\ntick_limit = 7'
+    )
+
+    league = load_league(str(tmp_path / "league.toml"))
+
+    assert league.entries == {"mine": str(tmp_path / "mine.py"), "rush": "rush"}
+    assert league.name == "league"
+    assert league.ruleset.tick_limit == 7
+    assert league.terms.turn_time_s is None
+
+
+def test_an_edit_is_named(tmp_path: Path) -> None:
+    bot = tmp_path / "mine.py"
+    bot.write_text(BOT)
+    text = 'entries = ["mine.py", "rush"]\n'
+    before = parse(text, tmp_path).facts
+
+    assert find_edit(before, parse('pairs = 99\nslots = 1\nentries = ["rush", "mine.py"]', tmp_path).facts) is None
+    assert "rules" in str(find_edit(before, parse(text + "[rules]\nside = 16", tmp_path).facts))
+    assert "patrol was added" in str(find_edit(before, parse('entries = ["mine.py", "rush", "patrol"]', tmp_path).facts))
+    assert "rush was taken out" in str(find_edit(before, parse('entries = ["mine.py", "patrol"]', tmp_path).facts))
+    assert "turn_time_s" in str(find_edit(before, parse("turn_time_s = 2\n" + text, tmp_path).facts))
+    assert "seed or secret" in str(find_edit({**before, "secret": "a"}, {**before, "secret": "b"}))
+    bot.write_text(BOT + "\n")
+    edited = parse(text, tmp_path).facts
+    assert "the content of mine.py" in str(find_edit(before, edited))
+    assert hash_facts(edited) != hash_facts(before)
+
+
+def test_a_secret_is_made_once_and_read_by_its_owner_alone(tmp_path: Path) -> None:
+    league = parse(TWO)
+
+    secret = find_secret(league, tmp_path / "keys", may_make=True)
+
+    [file] = (tmp_path / "keys").iterdir()
+    assert file.stat().st_mode & 0o777 == 0o600
+    assert find_secret(league, tmp_path / "keys", may_make=False) == secret
+    assert find_secret(league, tmp_path / "other", may_make=True) != secret
+
+
+def test_a_secret_that_is_gone_is_not_made_anew(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="the secret that they follow from"):
+        find_secret(parse(TWO), tmp_path, may_make=False)
+
+
+def test_a_schedule_plays_every_pair_twice_on_one_map_with_sides_swapped() -> None:
+    league = parse('pairs = 3\nentries = ["rush", "patrol", "random", "spiral"]')
+    plans = plan_league(league, secret_from_seed(1))
+
+    pairs: dict[str, list[object]] = {}
+    for plan in plans:
+        pairs.setdefault(pair_of(plan.identity), []).append(plan)
+    assert len(plans) == len({plan.identity for plan in plans}) == count_matches(4, 3)
+    assert len({plan.keys.match_key for plan in plans}) == len(plans)
+    assert len(pairs) == 3 * len(list(combinations(league.entries, 2)))
+    assert len({plan.keys.map_key for plan in plans}) == len(pairs)
+    for first, second in pairs.values():
+        assert (first.blue, first.red) == (second.red, second.blue)
+        assert first.keys.map_key == second.keys.map_key
+    assert all(is_chunk(chunk) for plan in plans for chunk in plan.identity.split("/"))
+
+
+def test_half_a_schedule_is_balanced_and_more_pairs_keep_what_was_planned() -> None:
+    league = parse('pairs = 2\nentries = ["rush", "patrol", "random"]')
+    plans = plan_league(league, secret_from_seed(1))
+    half = plans[: len(plans) // 2]
+
+    assert {frozenset((plan.blue, plan.red)) for plan in half} == set(map(frozenset, combinations(league.entries, 2)))
+    assert plan_league(replace(league, n_pairs=1), secret_from_seed(1)) == half
+    assert plan_league(replace(league, entries=dict(reversed(league.entries.items()))), secret_from_seed(1)) == plans
