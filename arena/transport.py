@@ -21,7 +21,7 @@ OnData = Callable[[str, bytes], None]
 """Told the key and the payload, on a thread of Zenoh's: it may only enqueue."""
 _WAIT_BEFORE_CLOSE_US = 50_000
 _BATCHES = 16
-"""In the queue of each peer: the most that Zenoh allows, so that a peer that merely waits for its turn on a busy core is not cut off."""
+"""In the queue of each peer: the most that Zenoh allows, so that a peer that waits for a busy core is not cut off."""
 _OPEN_TIMEOUT_MS = 3_000
 
 

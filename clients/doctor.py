@@ -1,4 +1,4 @@
-"""What `arena doctor` looks at: is this machine fit to play, and does a pit answer?"""
+"""What `arena doctor` looks at: whether this machine is fit to play, and whether a pit answers."""
 
 import platform
 import queue
@@ -33,9 +33,8 @@ def _look_at_versions() -> Finding:
 def _look_at_kernels() -> Finding:
     """Load, or compile, what every match needs."""
     begin_s = time.monotonic()
-    from policies.registry import load  # noqa: PLC0415 - what is timed is the loading
-
-    from clients.runner import warm  # noqa: PLC0415
+    from clients.runner import warm
+    from policies.registry import load
 
     warm(load("rush"))
     return "kernels", True, f"ready after {time.monotonic() - begin_s:.1f} s"

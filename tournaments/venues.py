@@ -144,9 +144,22 @@ class _ClientProcess:
         self._log = setting.journals / f"{name}.log"
         # `-P` keeps the current folder out of the import path: a bot's neighbours must not pose as our modules.
         self._command = [
-            sys.executable, "-P", "-c", "from arena.cli import main; main()", "join", f"arena://{endpoint.removeprefix('tcp/')}/{_PIT}",
-            "--name", name, "--policy", setting.entries[name], "--forever", "--slots", str(setting.slots), "--patience", str(_PATIENCE_S),
-        ]  # fmt: skip
+            sys.executable,
+            "-P",
+            "-c",
+            "from arena.cli import main; main()",
+            "join",
+            f"arena://{endpoint.removeprefix('tcp/')}/{_PIT}",
+            "--name",
+            name,
+            "--policy",
+            setting.entries[name],
+            "--forever",
+            "--slots",
+            str(setting.slots),
+            "--patience",
+            str(_PATIENCE_S),
+        ]
         self._restarts = 0
         self._start()
 
@@ -183,9 +196,14 @@ def _referee(said: Connection, endpoint: str, setting: Setting, plans: list[Matc
     with open_router(endpoint) as session:
         seating = PlannedSeating(plans)
         referee = Referee(
-            session, _PIT, setting.ruleset, seating, setting.terms, setting.journals,
+            session,
+            _PIT,
+            setting.ruleset,
+            seating,
+            setting.terms,
+            setting.journals,
             on_end=lambda played: said.send(_of_played(played)),
-        )  # fmt: skip
+        )
         signal.signal(signal.SIGTERM, lambda *_: referee.stop())
         seating.withdraw(referee.resume(lambda identity: identity in ours))
         try:
@@ -204,18 +222,34 @@ def _free_port() -> int:
 def _of_record(record: MatchRecord) -> Outcome:
     result, plan = record.result, record.plan
     return Outcome(
-        identity=plan.identity, blue=plan.blue, red=plan.red, ending=result.ending, winner=result.winner, score=result.score,
-        ticks=result.ticks, reason=result.reason,
-        seats={team: SeatOutcome(faults={"unreadable": faults.raised + faults.illegal}) for team, faults in zip(Team, record.faults, strict=True)},
-    )  # fmt: skip
+        identity=plan.identity,
+        blue=plan.blue,
+        red=plan.red,
+        ending=result.ending,
+        winner=result.winner,
+        score=result.score,
+        ticks=result.ticks,
+        reason=result.reason,
+        seats={
+            team: SeatOutcome(faults={"unreadable": faults.raised + faults.illegal})
+            for team, faults in zip(Team, record.faults, strict=True)
+        },
+    )
 
 
 def _of_played(played: Played) -> Outcome:
     header, result = played.header, played.result
     return Outcome(
-        identity=header.identity, blue=header.blue, red=header.red, ending=result.ending, winner=result.winner, score=result.score,
-        ticks=result.ticks, reason=result.reason, seats={team: _of_seat(seat) for team, seat in played.seats.items()},
-    )  # fmt: skip
+        identity=header.identity,
+        blue=header.blue,
+        red=header.red,
+        ending=result.ending,
+        winner=result.winner,
+        score=result.score,
+        ticks=result.ticks,
+        reason=result.reason,
+        seats={team: _of_seat(seat) for team, seat in played.seats.items()},
+    )
 
 
 def _of_seat(seat: SeatRecord) -> SeatOutcome:

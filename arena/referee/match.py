@@ -236,7 +236,8 @@ class Match:
         if gone:
             # Whoever is away as well has not come to fight either: nobody wins by being gone a moment later.
             gone = [team for team, seat in self._seats.items() if seat.away_since_s is not None]
-            return self._forfeit(gone, "did not come back in time" if self.phase is Phase.PLAYING else "did not get ready in time")
+            is_playing = self.phase is Phase.PLAYING
+            return self._forfeit(gone, "did not come back in time" if is_playing else "did not get ready in time")
         if self.phase is Phase.WAITING or self.terms.turn_time_s is None:
             return []
         for team, seat in self._seats.items():

@@ -21,7 +21,20 @@ from arena.policy import MatchResult
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import (
-    PROTOCOL_VERSION, Closed, Ended, Facts, History, JoinRequest, Lobby, Message, Orders, Ready, Refusal, Ticket, Turn, Wait,
+    PROTOCOL_VERSION,
+    Closed,
+    Ended,
+    Facts,
+    History,
+    JoinRequest,
+    Lobby,
+    Message,
+    Orders,
+    Ready,
+    Refusal,
+    Ticket,
+    Turn,
+    Wait,
 )  # fmt: skip
 from arena.protocol.sealing import OpenSeal
 from arena.referee.journal import Header, journal_name, read_journal, whole_part
@@ -204,7 +217,7 @@ class Referee:
                 continue
             descriptor = os.open(path, os.O_WRONLY | os.O_APPEND)
             os.ftruncate(descriptor, len(whole))
-            table = self._seat(match, {team: None for team in Team}, descriptor)
+            table = self._seat(match, dict.fromkeys(Team), descriptor)
             self._carry_out(table, events)
             logger.info("resumed %s at tick %d", journal.header.identity, match.tick)
             resumed.append(journal.header.identity)
@@ -309,7 +322,8 @@ class Referee:
         if request.rules_version != RULES_VERSION:
             return f"the client knows version {request.rules_version} of the rules, the pit {RULES_VERSION}; install the same"
         if request.rules_hash and request.rules_hash != self._ruleset.hash:
-            return f"the pit plays ruleset {self._ruleset.name} ({self._ruleset.hash[:12]}), the client wants {request.rules_hash[:12]}"
+            ours, theirs = self._ruleset.hash[:12], request.rules_hash[:12]
+            return f"the pit plays ruleset {self._ruleset.name} ({ours}), the client wants {theirs}"
         if request.team not in ("red", "blue", "any"):
             return f"there is no team {request.team!r}; red, blue or any"
         if not topics.is_chunk(request.name) or not topics.is_chunk(request.client):

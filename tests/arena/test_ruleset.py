@@ -42,12 +42,25 @@ def test_the_hash_ignores_the_order_of_keys() -> None:
 @pytest.mark.parametrize(
     "setting",
     [
-        "side=18", "tick_limit=101", "fog=false", "random_combat=false", "attack_at_range=false", "self_counts=false",
-        "obstacles=false", "mirror=true", "flag_in_back_third=true", "units.ugv.sight=5", "units.ugv.step=0",
-        "units.ugv.attack=1", "units.ugv.strength=2", "units.ugv.blue=5", "units.ugv.red=5", "units.uav.flies=false",
+        "side=18",
+        "tick_limit=101",
+        "fog=false",
+        "random_combat=false",
+        "attack_at_range=false",
+        "self_counts=false",
+        "obstacles=false",
+        "mirror=true",
+        "flag_in_back_third=true",
+        "units.ugv.sight=5",
+        "units.ugv.step=0",
+        "units.ugv.attack=1",
+        "units.ugv.strength=2",
+        "units.ugv.blue=5",
+        "units.ugv.red=5",
+        "units.uav.flies=false",
         "units.tank={step=1,sight=1}",
     ],
-)  # fmt: skip
+)
 def test_the_hash_notices_every_other_value(setting: str) -> None:
     overrides = parse_overrides([setting])
     if setting == "units.uav.flies=false":

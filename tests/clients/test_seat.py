@@ -34,9 +34,14 @@ NO_CLOCK = Terms(turn_time_s=None)
 
 def ticket(team: Team = Team.RED, ruleset: Ruleset = PAPER, **changes: Any) -> Ticket:
     plain = Ticket(
-        match="m", team=int(team), ruleset={"name": ruleset.name, **to_dict(ruleset)}, opponent="ann", turn_time_s=None, bank_s=0.0,
+        match="m",
+        team=int(team),
+        ruleset={"name": ruleset.name, **to_dict(ruleset)},
+        opponent="ann",
+        turn_time_s=None,
+        bank_s=0.0,
         tick=0,
-    )  # fmt: skip
+    )
     return replace(plain, **changes)
 
 
@@ -240,7 +245,9 @@ class Storm:
             elif isinstance(event, End):
                 result = event.result
                 winner = None if result.winner is None else result.winner.name.lower()
-                self.ended = Ended(ending=result.ending.name.lower(), winner=winner, score=result.score, ticks=result.ticks, reason="")
+                self.ended = Ended(
+                    ending=result.ending.name.lower(), winner=winner, score=result.score, ticks=result.ticks, reason=""
+                )
 
     def hear(self, team: Team, data: bytes) -> None:
         """Take a message as the service does."""

@@ -23,8 +23,12 @@ class Command:
     def __init__(self, code: str, arguments: tuple[object, ...]) -> None:
         self.process = subprocess.Popen(
             [sys.executable, "-c", code, *map(str, arguments)],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
-        )  # fmt: skip
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        )
         self._lines: list[str] = []
         self._changed = threading.Condition()
         self._is_silent = False
@@ -105,7 +109,9 @@ def serve(start: Callable[..., Command], port: int, tmp_path: Path) -> Callable[
     """Open a pit at `port`, with its data in `tmp_path`, and wait until it is open."""
 
     def begin(*arguments: object, **options: Any) -> Command:
-        return start("serve", "--listen", f"tcp/127.0.0.1:{port}", "--data", tmp_path, *arguments, **options).wait_for("join with: ")
+        return start("serve", "--listen", f"tcp/127.0.0.1:{port}", "--data", tmp_path, *arguments, **options).wait_for(
+            "join with: "
+        )
 
     return begin
 

@@ -31,7 +31,11 @@ class Stranger:
 
     def __init__(self, port: int) -> None:
         config = zenoh.Config()
-        for key, value in (("mode", "client"), ("connect/endpoints", [f"tcp/127.0.0.1:{port}"]), ("scouting/multicast/enabled", False)):
+        for key, value in (
+            ("mode", "client"),
+            ("connect/endpoints", [f"tcp/127.0.0.1:{port}"]),
+            ("scouting/multicast/enabled", False),
+        ):
             config.insert_json5(key, json.dumps(value))
         self.session = zenoh.open(config)
         self.client = uuid.uuid4().hex
@@ -45,7 +49,10 @@ class Stranger:
     def ask_raw(self, payload: bytes) -> Any:
         answers: SimpleQueue[bytes] = SimpleQueue()
         self.session.get(
-            topics.join("pit"), lambda reply: answers.put(reply.ok.payload.to_bytes() if reply.ok else b""), payload=payload, timeout=30.0
+            topics.join("pit"),
+            lambda reply: answers.put(reply.ok.payload.to_bytes() if reply.ok else b""),
+            payload=payload,
+            timeout=30.0,
         )
         return decode(answers.get(timeout=PATIENCE_S))
 
@@ -99,7 +106,15 @@ def test_junk_is_counted_and_the_match_ends(serve: Start, join: Start, stranger:
     honest.wait_for("patrol waits for an opponent")
     eve.sit(team="red")
     eve.say(Ready(known_ticks=-(2**63)))
-    garbled = [b"", b"junk", os.urandom(300), bytes(70_000), os.urandom(3_000_000), msgpack.packb([99, 0]), encode(Closed(reason="no"))]
+    garbled = [
+        b"",
+        b"junk",
+        os.urandom(300),
+        bytes(70_000),
+        os.urandom(3_000_000),
+        msgpack.packb([99, 0]),
+        encode(Closed(reason="no")),
+    ]
     eve.next(Turn)
     for junk in garbled:
         eve.say(junk)

@@ -74,7 +74,9 @@ def test_a_match_ends_in_a_result_in_all_three_terminals(serve: Start, join: Sta
 def test_what_cannot_be_is_said_in_one_sentence(serve: Start, join: Start, start: Start, port: int, tmp_path: Path) -> None:
     serve()
     waiting = join("--team", "red", "--policy", "rush").wait_for("rush waits for an opponent")
-    other_protocol = "import arena.protocol.messages as m, arena.protocol.codec as c; m.PROTOCOL_VERSION = c.PROTOCOL_VERSION = 99; "
+    other_protocol = (
+        "import arena.protocol.messages as m, arena.protocol.codec as c; m.PROTOCOL_VERSION = c.PROTOCOL_VERSION = 99; "
+    )
 
     refused = {
         join("--team", "red", "--policy", "roomba"): (1, "arena: the pit says no: red is taken, by rush; try blue: it is free"),

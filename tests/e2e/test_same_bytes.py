@@ -26,11 +26,15 @@ PATIENCE_S = 100.0
 def plans(pairs: list[tuple[str, str]]) -> list[MatchPlan]:
     return [
         MatchPlan(
-            identity=f"same/{blue}/{red}", blue=blue, red=red,
-            keys=MatchKeys(map_key=derive_map_key(SECRET, blue + red, 0), match_key=derive_match_key(SECRET, f"same/{blue}/{red}")),
+            identity=f"same/{blue}/{red}",
+            blue=blue,
+            red=red,
+            keys=MatchKeys(
+                map_key=derive_map_key(SECRET, blue + red, 0), match_key=derive_match_key(SECRET, f"same/{blue}/{red}")
+            ),
         )
         for blue, red in pairs
-    ]  # fmt: skip
+    ]
 
 
 def play_on_the_network(wanted: list[MatchPlan], port: int, folder: Path, n_slots: int) -> list[Played]:
@@ -41,18 +45,28 @@ def play_on_the_network(wanted: list[MatchPlan], port: int, folder: Path, n_slot
     timer.start()
     with open_router(f"tcp/127.0.0.1:{port}") as session:
         seating = PlannedSeating(wanted)
-        referee = Referee(session, "pit", PAPER, seating, Terms(turn_time_s=None, grace_s=PATIENCE_S), folder, on_end=played.append)
+        referee = Referee(
+            session, "pit", PAPER, seating, Terms(turn_time_s=None, grace_s=PATIENCE_S), folder, on_end=played.append
+        )
         names = sorted({name for plan in wanted for name in (plan.blue, plan.red)})
         runners = [
             Runner(
                 Settings(
-                    endpoint=f"tcp/127.0.0.1:{port}", pit="pit", name=name, team="any", make=registry.load(name), n_matches=None,
-                    n_slots=n_slots, patience_s=5.0,
+                    endpoint=f"tcp/127.0.0.1:{port}",
+                    pit="pit",
+                    name=name,
+                    team="any",
+                    make=registry.load(name),
+                    n_matches=None,
+                    n_slots=n_slots,
+                    patience_s=5.0,
                 ),
-                on_seat=lambda _: None, on_end=lambda _: None, on_wait=lambda _: None,
+                on_seat=lambda _: None,
+                on_end=lambda _: None,
+                on_wait=lambda _: None,
             )
             for name in names
-        ]  # fmt: skip
+        ]
 
         def run(runner: Runner) -> None:
             with suppress(LostPitError):  # the pit closes when the last match is over

@@ -159,9 +159,26 @@ def test_any_sequence_of_actions_is_read(answer: Any) -> None:
 @pytest.mark.parametrize(
     "answer",
     [
-        None, 3, "01", "ab", [1], [1, 2, 3], [5, 0], [-1, 0], [0.5, 1], [float("nan"), 1], [float("inf"), 1],
-        [None, 1], [[1], [2]], {}, np.array(1), [1j, 0], [2**70, 0], np.array([[1, 2], [3, 4]]), object(),
+        None,
+        3,
+        "01",
+        "ab",
+        [1],
+        [1, 2, 3],
+        [5, 0],
+        [-1, 0],
+        [0.5, 1],
+        [float("nan"), 1],
+        [float("inf"), 1],
+        [None, 1],
+        [[1], [2]],
+        {},
+        np.array(1),
+        [1j, 0],
+        [2**70, 0],
+        np.array([[1, 2], [3, 4]]),
+        object(),
     ],
-)  # fmt: skip
+)
 def test_what_is_not_one_action_per_unit_is_refused(answer: Any) -> None:
     assert read_actions(answer, 2) is None

@@ -129,9 +129,13 @@ def test_the_order_of_matches_does_not_count(records: list[MatchRecord]) -> None
 
 def swapped(counted: Tally) -> dict[str, Any]:
     return {
-        "wins": counted.losses, "losses": counted.wins, "draws": counted.draws, "score": pytest.approx(1 - counted.score),
-        "low": pytest.approx(1 - counted.score_high), "high": pytest.approx(1 - counted.score_low),
-    }  # fmt: skip
+        "wins": counted.losses,
+        "losses": counted.wins,
+        "draws": counted.draws,
+        "score": pytest.approx(1 - counted.score),
+        "low": pytest.approx(1 - counted.score_high),
+        "high": pytest.approx(1 - counted.score_low),
+    }
 
 
 @given(st.lists(st.tuples(*[st.sampled_from([Team.BLUE, Team.RED, None])] * 2), min_size=1, max_size=12))
@@ -140,9 +144,13 @@ def test_both_sides_count_alike(legs: list[tuple[Team | None, Team | None]]) -> 
     counted, mirrored = tally("a", "b", records), tally("b", "a", records)
 
     assert swapped(counted) == {
-        "wins": mirrored.wins, "losses": mirrored.losses, "draws": mirrored.draws, "score": mirrored.score,
-        "low": mirrored.score_low, "high": mirrored.score_high,
-    }  # fmt: skip
+        "wins": mirrored.wins,
+        "losses": mirrored.losses,
+        "draws": mirrored.draws,
+        "score": mirrored.score,
+        "low": mirrored.score_low,
+        "high": mirrored.score_high,
+    }
     assert 0 <= counted.score_low <= counted.score <= counted.score_high <= 1
     assert counted.wins + counted.draws + counted.losses == 2 * len(legs)
 

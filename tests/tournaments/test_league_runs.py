@@ -37,10 +37,16 @@ def pretend(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
     """End matches without playing them: the first name in the alphabet wins."""
     for plan in plans:
         yield Outcome(
-            identity=plan.identity, blue=plan.blue, red=plan.red, ending=Ending.CAPTURE,
-            winner=Team.BLUE if plan.blue < plan.red else Team.RED, score=100, ticks=3, reason="",
+            identity=plan.identity,
+            blue=plan.blue,
+            red=plan.red,
+            ending=Ending.CAPTURE,
+            winner=Team.BLUE if plan.blue < plan.red else Team.RED,
+            score=100,
+            ticks=3,
+            reason="",
             seats={team: SeatOutcome(faults={"late": 1}, latency_p50_s=0.001, latency_p99_s=0.002) for team in Team},
-        )  # fmt: skip
+        )
 
 
 def run(folder: Path, venue: Callable[..., Iterator[Outcome]], *, league: League | None = None, n: int | None = None) -> Report:
@@ -221,8 +227,13 @@ def test_the_document_holds_what_it_promises(tmp_path: Path) -> None:
     assert [row["entry"] for row in facts["standings"]] == ["patrol", "random", "rush"]
     best = facts["standings"][0]
     assert {name: best[name] for name in ("rank", "wins", "draws", "losses", "points", "score")} == {
-        "rank": 1, "wins": 8, "draws": 0, "losses": 0, "points": 8.0, "score": 1.0,
-    }  # fmt: skip
+        "rank": 1,
+        "wins": 8,
+        "draws": 0,
+        "losses": 0,
+        "points": 8.0,
+        "score": 1.0,
+    }
     assert best["elo_low"] <= best["elo"] <= best["elo_high"]
     assert best["faults"]["late"] == 8
     assert facts["cross"]["rush"]["patrol"] == {"wins": 0, "draws": 0, "losses": 4, "score": 0.0}

@@ -70,8 +70,13 @@ def test_json_says_everything_from_the_first_one_s_side(arena: Run) -> None:
     found = facts(arena("play", "rush", "patrol", "--pairs", 5, "--seed", 1, "--workers", 1, "--json"))
 
     assert (found["a"], found["b"], found["rules"], found["seed"], found["pairs"], found["journals"]) == (
-        "rush", "patrol", "paper", 1, 5, None,
-    )  # fmt: skip
+        "rush",
+        "patrol",
+        "paper",
+        1,
+        5,
+        None,
+    )
     assert found["wins"] + found["draws"] + found["losses"] == sum(found["endings"].values()) == 10
     assert found["blue_wins"] + found["red_wins"] == found["wins"] + found["losses"]
     assert found["faults"] == {name: {"raised": 0, "illegal": 0, "first_traceback": None} for name in ("rush", "patrol")}
@@ -219,9 +224,13 @@ def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
     command = [*ARENA, "play", "random", "random", "--pairs", "1", "--workers", "1"]
     subprocess.run(command, check=True, capture_output=True, timeout=300)  # the kernels are cached now
     done = subprocess.run(
-        [*command, "--journals", str(tmp_path)], capture_output=True, text=True, timeout=300, check=False,
+        [*command, "--journals", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
         preexec_fn=allow_no_more_than_500_bytes,
-    )  # fmt: skip
+    )
 
     assert is_one_sentence(done, 2, "cannot write the journal of play/random/random-2/0000/")
 

@@ -18,9 +18,16 @@ WINNERS = (Team.BLUE, None, Team.RED)
 def outcome(one: str, other: str, pair: int, blue: str, winner: Team | None) -> Outcome:
     red = other if blue == one else one
     return Outcome(
-        identity=f"l/{one}/{other}/{pair:04}/{blue}-blue/0", blue=blue, red=red, ending=Ending.CAPTURE, winner=winner, score=0,
-        ticks=10, reason="", seats={team: SeatOutcome() for team in Team},
-    )  # fmt: skip
+        identity=f"l/{one}/{other}/{pair:04}/{blue}-blue/0",
+        blue=blue,
+        red=red,
+        ending=Ending.CAPTURE,
+        winner=winner,
+        score=0,
+        ticks=10,
+        reason="",
+        seats={team: SeatOutcome() for team in Team},
+    )
 
 
 def played(strengths: dict[str, float], n_pairs: int, *, side: float = 0.0, nu: float = 0.2, seed: int = 0) -> list[Outcome]:
@@ -111,9 +118,7 @@ def test_who_won_everything_has_a_finite_rating_and_a_wide_interval(n_pairs: int
     outcomes = played({"a": 0, "b": 0.3}, n_pairs)
     for pair in range(n_pairs):
         for other in ("a", "b"):
-            outcomes += [
-                outcome(other, "z", pair, blue, Team.BLUE if blue == "z" else Team.RED) for blue in (other, "z")
-            ]  # fmt: skip
+            outcomes += [outcome(other, "z", pair, blue, Team.BLUE if blue == "z" else Team.RED) for blue in (other, "z")]
 
     best = rate(["a", "b", "z"], outcomes, n_draws=300).entries["z"]
 

@@ -130,7 +130,7 @@ def test_letters_may_stand_close_together() -> None:
             "board: the red UGV at row 4, column 4 has no way to the enemy flag at row 1, column 1",
         ),
     ],
-)  # fmt: skip
+)
 def test_a_bad_board_is_refused_with_what_is_wrong_and_where(text: str, sentence: str) -> None:
     with pytest.raises(BoardError) as refusal:
         parse_board(text)

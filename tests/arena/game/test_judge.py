@@ -34,7 +34,7 @@ def after(board: str, *orders: int, **overrides: object) -> tuple[Ending, int, i
         ("the own flag is no capture", "F U . f\n. . . .\n. . . .\n. . . u", [4, 0], (Ending.RUNNING, NOBODY, 0)),
         ("the last unit captures", "F . U f\n. . . .\n. . . .\n. . . .", [2], (Ending.CAPTURE, BLUE, 100)),
     ],
-)  # fmt: skip
+)
 def test_captures(what: str, board: str, orders: list[int], result: tuple[Ending, int, int]) -> None:
     assert after(board, *orders, ugv={"attack": 0}) == result
 
@@ -80,7 +80,7 @@ def test_a_capture_counts_before_an_elimination() -> None:
         ("two teams without UGVs go on", "F . . f\n. . . .\nA . . .\n. . . a", [0, 0], (Ending.RUNNING, NOBODY, 0)),
         ("nobody at all goes on", "F . . f\n. . . .\n. . . .\n. . . .", [], (Ending.RUNNING, NOBODY, 0)),
     ],
-)  # fmt: skip
+)
 def test_eliminations(what: str, board: str, orders: list[int], result: tuple[Ending, int, int]) -> None:
     assert after(board, *orders, random_combat=False) == result
 

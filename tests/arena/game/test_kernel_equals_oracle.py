@@ -59,9 +59,25 @@ def test_in_a_crowd_everything_happens_and_as_the_design_says(size: Callable[[in
 
 
 KINDS = (
-    "swap", "claim", "claim of three", "claim across teams", "chain", "rotation", "blocked", "off the board", "into an obstacle",
-    "rubbish", "over an obstacle", "shared by UAVs", "survived", "fell", "CAPTURE", "ELIMINATION", "TICK_LIMIT", "draw",
-)  # fmt: skip
+    "swap",
+    "claim",
+    "claim of three",
+    "claim across teams",
+    "chain",
+    "rotation",
+    "blocked",
+    "off the board",
+    "into an obstacle",
+    "rubbish",
+    "over an obstacle",
+    "shared by UAVs",
+    "survived",
+    "fell",
+    "CAPTURE",
+    "ELIMINATION",
+    "TICK_LIMIT",
+    "draw",
+)
 
 
 def crowded(rng: np.random.Generator, round_: int) -> Ruleset:
@@ -87,9 +103,15 @@ def crowded(rng: np.random.Generator, round_: int) -> Ruleset:
     )
     switches = [bool(round_ >> bit & 1) for bit in range(4)]
     return Ruleset(
-        name="crowd", side=side, tick_limit=int(rng.integers(6, 30)), fog=switches[0], random_combat=switches[1],
-        attack_at_range=switches[2], self_counts=switches[3], units=(foot, eye, guard),
-    )  # fmt: skip
+        name="crowd",
+        side=side,
+        tick_limit=int(rng.integers(6, 30)),
+        fog=switches[0],
+        random_combat=switches[1],
+        attack_at_range=switches[2],
+        self_counts=switches[3],
+        units=(foot, eye, guard),
+    )
 
 
 def meddlesome_orders(rng: np.random.Generator, games: Games) -> np.ndarray:

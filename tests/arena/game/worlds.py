@@ -37,15 +37,25 @@ def rulesets(draw: st.DrawFn, max_side: int = 64, equal_teams: bool = False) -> 
                 sight=draw(st.one_of(st.integers(0, 5), st.integers(0, 100))),
                 attack=draw(st.one_of(st.integers(0, 3), st.integers(0, 100))),
                 strength=draw(st.one_of(st.integers(0, 3), st.integers(0, 1000))),
-                flies=flies, blue=blue, red=red,
+                flies=flies,
+                blue=blue,
+                red=red,
             )
-        )  # fmt: skip
+        )
     switch = st.booleans()
     return Ruleset(
-        name="any", side=side, tick_limit=draw(st.integers(1, 40)), fog=draw(st.sampled_from([True, True, False])),
-        random_combat=draw(switch), attack_at_range=draw(switch), self_counts=draw(switch), obstacles=draw(switch),
-        mirror=equal_teams and draw(switch), flag_in_back_third=draw(switch), units=tuple(units),
-    )  # fmt: skip
+        name="any",
+        side=side,
+        tick_limit=draw(st.integers(1, 40)),
+        fog=draw(st.sampled_from([True, True, False])),
+        random_combat=draw(switch),
+        attack_at_range=draw(switch),
+        self_counts=draw(switch),
+        obstacles=draw(switch),
+        mirror=equal_teams and draw(switch),
+        flag_in_back_third=draw(switch),
+        units=tuple(units),
+    )
 
 
 def scatter(games: Games, row: int, rng: np.random.Generator, *, n_obstacles: int | None = None, fallen: float = 0.1) -> None:

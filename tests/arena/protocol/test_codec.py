@@ -37,9 +37,14 @@ VALUES: dict[Any, st.SearchStrategy[Any]] = {
 }
 MESSAGES = st.one_of([st.builds(kind, **{field.name: VALUES[field.type] for field in fields(kind)}) for kind in KINDS])
 TICKET = Ticket(
-    match="0123456789abcdef", team=1, ruleset={"name": "paper", **to_dict(load("paper"))}, opponent="ann", turn_time_s=None,
-    bank_s=10.0, tick=7,
-)  # fmt: skip
+    match="0123456789abcdef",
+    team=1,
+    ruleset={"name": "paper", **to_dict(load("paper"))},
+    opponent="ann",
+    turn_time_s=None,
+    bank_s=10.0,
+    tick=7,
+)
 
 
 @given(MESSAGES)
@@ -98,7 +103,11 @@ def test_random_bytes_are_a_message_or_unreadable(data: bytes) -> None:
     is_read_or_refused(data)
 
 
-@given(st.one_of(PLAIN, st.lists(PLAIN, max_size=9), st.builds(lambda *rest: [PROTOCOL_VERSION, *rest], st.integers(-2, 14), PLAIN, PLAIN)))
+@given(
+    st.one_of(
+        PLAIN, st.lists(PLAIN, max_size=9), st.builds(lambda *rest: [PROTOCOL_VERSION, *rest], st.integers(-2, 14), PLAIN, PLAIN)
+    )
+)
 def test_msgpack_that_is_no_message_is_unreadable_or_a_message(value: Any) -> None:
     is_read_or_refused(msgpack.packb(value))
 
@@ -140,18 +149,30 @@ def test_a_message_that_is_too_long_is_not_even_looked_at() -> None:
 def test_another_version_is_refused_in_one_sentence() -> None:
     values = msgpack.unpackb(encode(Ready(known_ticks=1)))
 
-    with pytest.raises(UnreadableError, match=rf"^the other side speaks version 99 of the protocol; this is version {PROTOCOL_VERSION}$"):
+    with pytest.raises(
+        UnreadableError, match=rf"^the other side speaks version 99 of the protocol; this is version {PROTOCOL_VERSION}$"
+    ):
         decode(msgpack.packb([99, *values[1:], "and what version 99 adds"]))
 
 
 def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
     """Who changes a field, changes this, and raises PROTOCOL_VERSION once a version has been published."""
-    shape = {kind.__name__: [f"{field.name}: {getattr(field.type, '__name__', field.type)}" for field in fields(kind)] for kind in KINDS}
+    shape = {
+        kind.__name__: [f"{field.name}: {getattr(field.type, '__name__', field.type)}" for field in fields(kind)]
+        for kind in KINDS
+    }
 
     assert PROTOCOL_VERSION == 1
     assert shape["JoinRequest"] == [
-        "version: int", "rules_version: int", "name: str", "team: str", "client: str", "slot: int", "rules_hash: str", "match: str",
-    ]  # fmt: skip
+        "version: int",
+        "rules_version: int",
+        "name: str",
+        "team: str",
+        "client: str",
+        "slot: int",
+        "rules_hash: str",
+        "match: str",
+    ]
     assert shape["Turn"] == ["tick: int", "observation: bytes"]
     assert shape["Orders"] == ["tick: int", "actions: bytes"]
 

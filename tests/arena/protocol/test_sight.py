@@ -70,7 +70,9 @@ def test_observations_of_whole_games_come_back_as_they_were(size: Callable[[int,
 def test_all_observations_under_one_ruleset_have_one_length(rules: Ruleset, seeds: list[int], clock_s: float | None) -> None:
     for team in Team:
         lengths = {
-            len(pack(any_game(rules, seed).observe()[team], 0, clock, rules.side**2)) for seed in seeds for clock in (None, clock_s)
+            len(pack(any_game(rules, seed).observe()[team], 0, clock, rules.side**2))
+            for seed in seeds
+            for clock in (None, clock_s)
         }
         assert len(lengths) == 1
 

@@ -31,7 +31,9 @@ def test_the_keys_are_those_of_the_design() -> None:
     assert topics.all_presence("p") == "arena/p/presence/*/*"
 
 
-@pytest.mark.parametrize("key", ["", "arena/p/match/m/green/action", "arena/p/match/m/*/action", "arena/p/match/m/red", "a/b/c/d/red/f/g"])
+@pytest.mark.parametrize(
+    "key", ["", "arena/p/match/m/green/action", "arena/p/match/m/*/action", "arena/p/match/m/red", "a/b/c/d/red/f/g"]
+)
 def test_another_key_is_no_seats_key(key: str) -> None:
     with pytest.raises(UnreadableError):
         topics.read_action(key)
@@ -40,7 +42,7 @@ def test_another_key_is_no_seats_key(key: str) -> None:
 @pytest.mark.parametrize("chunk", ["", "*", "**", "a/b", "$", "#", "?", " ", "ä", "a\n", "x" * 65])
 def test_a_name_that_could_reach_into_another_key_is_refused(chunk: str) -> None:
     assert not topics.is_chunk(chunk)
-    with pytest.raises(InputError, match="the name is .*; it must be 1 to 64 letters, digits, - or _"):
+    with pytest.raises(InputError, match=r"the name is .*; it must be 1 to 64 letters, digits, - or _"):
         topics.check_chunk("the name", chunk)
 
 

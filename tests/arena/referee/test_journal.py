@@ -372,6 +372,6 @@ def test_journals_of_a_folder_come_by_name(tmp_path: Path, small_journal: bytes)
 def test_a_result_is_kept_whole() -> None:
     result = MatchResult(ending=Ending.FORFEIT, winner=Team.RED, score=-100, ticks=0, reason="blue vanished")
 
-    assert write_ending(bytes(32), result) != write_ending(bytes(32), MatchResult(
-        ending=Ending.FORFEIT, winner=Team.RED, score=-100, ticks=0, reason="blue was late"
-    ))  # fmt: skip
+    assert write_ending(bytes(32), result) != write_ending(
+        bytes(32), MatchResult(ending=Ending.FORFEIT, winner=Team.RED, score=-100, ticks=0, reason="blue was late")
+    )

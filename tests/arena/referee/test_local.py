@@ -263,9 +263,17 @@ def bad(kind: str) -> Any:
 
 RAISING = ["raises", "exits", "constructor"]
 RUBBISH = [
-    "nothing", "text", "too few", "too many", "out of range", "minus one", "not numbers", "half a step", "not a number",
+    "nothing",
+    "text",
+    "too few",
+    "too many",
+    "out of range",
+    "minus one",
+    "not numbers",
+    "half a step",
+    "not a number",
     "a board",
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("kind", RAISING + RUBBISH)

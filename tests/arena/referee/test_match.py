@@ -20,7 +20,12 @@ from arena.referee.replay import verify
 BLUE, RED = Team
 N_UNITS = 3
 SMALL = load("paper").with_(
-    {"side": 8, "tick_limit": 6, "obstacles": False, "units": {"ugv": {"blue": 2, "red": 2, "attack": 0}, "uav": {"blue": 1, "red": 1}}}
+    {
+        "side": 8,
+        "tick_limit": 6,
+        "obstacles": False,
+        "units": {"ugv": {"blue": 2, "red": 2, "attack": 0}, "uav": {"blue": 1, "red": 1}},
+    }
 )
 """Two walkers that cannot fight, and an eye; six ticks."""
 HEADER = Header(
@@ -108,9 +113,14 @@ def test_who_is_not_ready_in_time_forfeits(there: Team | None, winner: Team | No
     assert result is not None
     assert (result.ending, result.winner, result.ticks) == (Ending.FORFEIT, winner, 0)
     assert result.score == {BLUE: WIN, RED: -WIN, None: 0}[winner]
-    assert result.reason == {
-        BLUE: "red did not get ready in time", RED: "blue did not get ready in time", None: "blue and red did not get ready in time",
-    }[winner]  # fmt: skip
+    assert (
+        result.reason
+        == {
+            BLUE: "red did not get ready in time",
+            RED: "blue did not get ready in time",
+            None: "blue and red did not get ready in time",
+        }[winner]
+    )
     assert verify(table.read()) == 0
 
 
@@ -465,7 +475,9 @@ def test_void_is_no_score() -> None:
 
 # A referee that was killed
 
-ANSWERS = st.one_of(st.binary(min_size=N_UNITS, max_size=N_UNITS).map(lambda data: bytes(byte % 5 for byte in data)), st.binary(max_size=5))
+ANSWERS = st.one_of(
+    st.binary(min_size=N_UNITS, max_size=N_UNITS).map(lambda data: bytes(byte % 5 for byte in data)), st.binary(max_size=5)
+)
 SCRIPTS = st.lists(st.tuples(st.one_of(st.none(), ANSWERS), st.one_of(st.none(), ANSWERS)), min_size=6, max_size=6)
 """What each team answers at each tick; None comes too late."""
 
@@ -569,7 +581,17 @@ def test_a_journal_that_does_not_hold_is_not_resumed(what: str) -> None:
         Table().match.recover(broken(table.read(), what))
 
 
-@given(st.lists(st.tuples(st.sampled_from(["ready", "leave", "submit", "advance", "garble"]), st.sampled_from(Team), st.floats(0, 4), st.binary(max_size=4)), max_size=60))  # fmt: skip
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["ready", "leave", "submit", "advance", "garble"]),
+            st.sampled_from(Team),
+            st.floats(0, 4),
+            st.binary(max_size=4),
+        ),
+        max_size=60,
+    )
+)
 def test_whatever_happens_the_match_ends_and_its_journal_verifies(steps: list[tuple[str, Team, float, bytes]]) -> None:
     table = Table()
     now_s = 0.0

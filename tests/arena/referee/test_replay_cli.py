@@ -74,8 +74,11 @@ def test_verify_says_that_a_journal_holds(arena: Run, file: Path, journal: Journ
     assert journal.canonical_hash in table.stdout
     assert table.stdout.splitlines()[-1] == "1 of 1 journals hold"
     assert json.loads(document.stdout) == {
-        "file": str(file), "ok": True, "ticks": len(journal.ticks), "canonical_hash": journal.canonical_hash,
-    }  # fmt: skip
+        "file": str(file),
+        "ok": True,
+        "ticks": len(journal.ticks),
+        "canonical_hash": journal.canonical_hash,
+    }
 
 
 def test_verify_says_at_which_tick_a_journal_was_changed(arena: Run, file: Path, broken: Path) -> None:
@@ -104,8 +107,9 @@ def test_verify_takes_folders(arena: Run, file: Path, broken: Path) -> None:
 
     assert done.returncode == 1
     assert [(Path(check["file"]).name, check["ok"]) for check in json.loads(done.stdout)] == [
-        ("broken.journal", False), ("match.journal", True),
-    ]  # fmt: skip
+        ("broken.journal", False),
+        ("match.journal", True),
+    ]
 
 
 @pytest.mark.parametrize("command", ["verify", "show"])

@@ -1,1 +1,0 @@
-from arena.games import *  # temporary: moves to arena.games
