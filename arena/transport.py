@@ -55,7 +55,9 @@ class Session:
 
     def is_connected(self) -> bool:
         """Whether this client still has the router that it connected to, and not another that took its place."""
-        return self._find_routers() == self._routers
+        routers = self._find_routers()
+        self._routers = self._routers or routers  # one that only just opened may not know its router yet
+        return bool(routers) and routers == self._routers
 
     def __enter__(self) -> "Session":
         return self

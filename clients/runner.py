@@ -129,12 +129,15 @@ class Runner:
         warm(self._settings.make)
         settings = self._settings
         lost_at_s: float | None = None
+        begun_at_s = time.monotonic()
         while not self._is_done():
             failure = LostPitError(f"no pit called {settings.pit} answers at {settings.endpoint}")
             heard_before = self._n_heard
             try:
                 with open_client(settings.endpoint) as session:
                     self._serve(session)
+                if lost_at_s is None and not any(slot.asked_at_s for slot in self._slots):
+                    lost_at_s = begun_at_s  # the pit was opening, or closing: nothing was asked that it could have answered
             except LostPitError as error:
                 failure = error
             if self._is_done():

@@ -4,12 +4,18 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from arena.game.types import Team
-from arena.protocol.messages import Closed, JoinRequest, Refusal, Wait
+from arena.game.ruleset import Ruleset
+from arena.game.types import RULES_VERSION, Team
+from arena.protocol import topics
+from arena.protocol.messages import PROTOCOL_VERSION, Closed, JoinRequest, Message, Refusal, Wait
 from arena.referee.local import MatchPlan
 
 SeatId = tuple[str, int]
 """A client process and one of its slots."""
+
+
+MOST_SLOTS = 256
+"""Seats that one client process may ask for at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +38,26 @@ class Seating(Protocol):
     @property
     def is_done(self) -> bool:
         """Whether no match will begin any more."""
+
+
+def object_to(request: Message, ruleset: Ruleset) -> str:
+    """Return why a request cannot be met whatever seats are free, or nothing."""
+    if not isinstance(request, JoinRequest):
+        return "this is no request for a seat"
+    if request.version != PROTOCOL_VERSION:
+        return f"the client speaks version {request.version} of the protocol, the pit {PROTOCOL_VERSION}; install the same"
+    if request.rules_version != RULES_VERSION:
+        return f"the client knows version {request.rules_version} of the rules, the pit {RULES_VERSION}; install the same"
+    if request.rules_hash and request.rules_hash != ruleset.hash:
+        ours, theirs = ruleset.hash[:12], request.rules_hash[:12]
+        return f"the pit plays ruleset {ruleset.name} ({ours}), the client wants {theirs}"
+    if request.team not in ("red", "blue", "any"):
+        return f"there is no team {request.team!r}; red, blue or any"
+    if not topics.is_chunk(request.name) or not topics.is_chunk(request.client):
+        return "a name is 1 to 64 letters, digits, - or _"
+    if not 0 <= request.slot < MOST_SLOTS:
+        return f"there is no slot {request.slot}; a client has slots 0 to {MOST_SLOTS - 1}"
+    return ""
 
 
 class OpenSeating:

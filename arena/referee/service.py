@@ -8,39 +8,32 @@ import logging
 import os
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
-from hashlib import sha256
+from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from arena.errors import ArenaError, JournalError, UnreadableError
-from arena.game.ruleset import Ruleset, to_dict
-from arena.game.types import RULES_VERSION, Team
+from arena.errors import UnreadableError
+from arena.game.ruleset import Ruleset
+from arena.game.types import Team
 from arena.policy import MatchResult
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import (
-    PROTOCOL_VERSION,
     Closed,
-    Ended,
-    Facts,
-    History,
     JoinRequest,
     Lobby,
-    Message,
     Orders,
     Ready,
     Refusal,
-    Ticket,
-    Turn,
     Wait,
 )  # fmt: skip
-from arena.protocol.sealing import OpenSeal
-from arena.referee.journal import Header, journal_name, read_journal, whole_part
+from arena.referee.journal import Header, journal_name
 from arena.referee.match import Ask, End, Event, Match, Publish, SeatRecord, Terms, Write
-from arena.referee.seating import Pairing, SeatId, Seating
-from arena.transport import Put, Question, Session
+from arena.referee.resume import resume_matches
+from arena.referee.seating import Pairing, SeatId, Seating, object_to
+from arena.referee.table import Table
+from arena.transport import Question, Session
 
 logger = logging.getLogger(__name__)
 
@@ -50,8 +43,6 @@ HOLD_QUESTION_S = 4.0
 """How long a client that waits for a seat is kept without an answer."""
 FORGET_WAITING_S = 15.0
 """How long a seat stays reserved for a client that does not ask again."""
-MOST_SLOTS = 256
-"""Seats that one client process may ask for at once."""
 MOST_GUESTS = 4_096
 """Clients that may wait for a seat at once."""
 MOST_RUNNING = 256
@@ -59,34 +50,6 @@ MOST_RUNNING = 256
 _SWEEP_S = 0.01
 _MOST_LISTED = 200
 """Matches, and guests, that the lobby names."""
-_HISTORY_BYTES = 50_000
-
-
-@dataclass(slots=True)
-class _Chair:
-    """A seat of a running match on the network."""
-
-    name: str
-    holder: SeatId | None
-    """None after a restart of the pit, until somebody comes back."""
-    put: Put
-    end: Callable[[], None]
-    seal: OpenSeal = field(default_factory=OpenSeal)
-    has_left: bool = False
-    """Its holder's process has vanished; another of the same name may take the seat."""
-
-
-@dataclass(slots=True)
-class _Table:
-    """A running match, who sits at it, and its journal."""
-
-    id: str
-    match: Match
-    chairs: dict[Team, _Chair]
-    publish: Put
-    end_publish: Callable[[], None]
-    journal: int
-    """File descriptor."""
 
 
 @dataclass(slots=True)
@@ -127,7 +90,7 @@ class Referee:
         self._seating, self._terms, self._journals = seating, terms, journals
         self._on_end, self._fsync = on_end, fsync
         self._inbox: SimpleQueue[tuple[Callable[..., None], tuple[Any, ...]]] = SimpleQueue()
-        self._tables: dict[str, _Table] = {}
+        self._tables: dict[str, Table] = {}
         self._held: dict[SeatId, tuple[str, Team]] = {}
         self._guests: dict[SeatId, _Guest] = {}
         self._is_stopping = False
@@ -186,41 +149,18 @@ class Referee:
                     return
 
     def close(self) -> None:
-        """Put every journal down as it stands: a later referee can resume the matches."""
+        """Put every match down as it stands: a later referee can resume it."""
         for table in self._tables.values():
-            os.close(table.journal)
+            table.put_down()
         self._tables.clear()
 
     def resume(self, wanted: Callable[[str], bool]) -> list[str]:
         """Take up the unfinished matches whose identity is wanted; return their identities."""
         resumed = []
-        for path in sorted(self._journals.glob("*.journal")):
-            try:
-                data = path.read_bytes()
-                if read_journal(data).ending is not None:
-                    continue
-            except JournalError:
-                pass
-            try:
-                whole = whole_part(data)
-                journal = read_journal(whole)
-            except JournalError as error:
-                logger.warning("%s cannot be resumed: %s", path.name, error)
-                continue
-            if not wanted(journal.header.identity):
-                continue
-            match = Match(journal.header, self._terms, time.monotonic())
-            try:
-                events = match.recover(journal)
-            except JournalError as error:
-                logger.warning("%s cannot be resumed: %s", path.name, error)
-                continue
-            descriptor = os.open(path, os.O_WRONLY | os.O_APPEND)
-            os.ftruncate(descriptor, len(whole))
-            table = self._seat(match, dict.fromkeys(Team), descriptor)
+        for match, events, journal in resume_matches(self._journals, self._terms, time.monotonic(), wanted):
+            table = self._seat(match, dict.fromkeys(Team), journal)
             self._carry_out(table, events)
-            logger.info("resumed %s at tick %d", journal.header.identity, match.tick)
-            resumed.append(journal.header.identity)
+            resumed.append(match.header.identity)
         return resumed
 
     # What is heard
@@ -235,7 +175,6 @@ class Referee:
         for seat in [seat for seat in self._held if seat[0] == client]:
             match_id, team = self._held.pop(seat)
             table = self._tables[match_id]
-            table.chairs[team].has_left = True
             self._carry_out(table, table.match.leave(team, now_s))
 
     def _on_action(self, key: str, payload: bytes) -> None:
@@ -255,7 +194,7 @@ class Referee:
         if type(message) is Orders:
             self._carry_out(table, table.match.submit(team, message.tick, message.actions, time.monotonic()))
         elif type(message) is Ready:
-            self._send_history(table, team, message.known_ticks)
+            table.send_history(team, message.known_ticks)
             self._carry_out(table, table.match.ready(team, time.monotonic()))
         else:
             table.match.garble(team)
@@ -266,7 +205,7 @@ class Referee:
         except UnreadableError as error:
             question.answer(encode(Refusal(reason=f"the request cannot be read: {error}")))
             return
-        refusal = self._object_to(request)
+        refusal = object_to(request, self._ruleset)
         if refusal or not isinstance(request, JoinRequest):
             question.answer(encode(Refusal(reason=refusal or "this is no request for a seat")))
             return
@@ -277,7 +216,7 @@ class Referee:
             if seat in self._guests:
                 self._forget_guest(seat)
             self._take(self._tables[match_id], team, seat)
-            question.answer(encode(self._ticket(self._tables[match_id], team)))
+            question.answer(encode(self._tables[match_id].ticket(team)))
             return
         if request.match:
             question.answer(encode(Wait(reason="for another match, since that one is over")))
@@ -313,25 +252,6 @@ class Referee:
         )
         question.answer(encode(lobby))
 
-    def _object_to(self, request: Message) -> str:
-        """Return why a request cannot be met whatever seats are free, or nothing."""
-        if not isinstance(request, JoinRequest):
-            return "this is no request for a seat"
-        if request.version != PROTOCOL_VERSION:
-            return f"the client speaks version {request.version} of the protocol, the pit {PROTOCOL_VERSION}; install the same"
-        if request.rules_version != RULES_VERSION:
-            return f"the client knows version {request.rules_version} of the rules, the pit {RULES_VERSION}; install the same"
-        if request.rules_hash and request.rules_hash != self._ruleset.hash:
-            ours, theirs = self._ruleset.hash[:12], request.rules_hash[:12]
-            return f"the pit plays ruleset {self._ruleset.name} ({ours}), the client wants {theirs}"
-        if request.team not in ("red", "blue", "any"):
-            return f"there is no team {request.team!r}; red, blue or any"
-        if not topics.is_chunk(request.name) or not topics.is_chunk(request.client):
-            return "a name is 1 to 64 letters, digits, - or _"
-        if not 0 <= request.slot < MOST_SLOTS:
-            return f"there is no slot {request.slot}; a client has slots 0 to {MOST_SLOTS - 1}"
-        return ""
-
     def _vacancy(self, seat: SeatId, request: JoinRequest) -> tuple[str, Team] | None:
         """Return the seat of a running match that the same entry has left, the asker's own first, if there is one."""
         vacant = [
@@ -352,101 +272,49 @@ class Referee:
         match = Match(header, self._terms, time.monotonic())
         path = self._journals / journal_name(header.identity)
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o600)
-        _append(descriptor, match.start_record)
-        table = self._seat(match, pairing.seats, descriptor)
+        table = self._seat(match, {team: pairing.seats[team] for team in Team}, descriptor)
+        table.write(match.start_record)
         logger.info("match %s begins: blue %s, red %s", header.identity, header.blue, header.red)
         for team, seat in pairing.seats.items():
             guest = self._guests.pop(seat)
             if guest.question is not None:
-                guest.question.answer(encode(self._ticket(table, team)))
+                guest.question.answer(encode(table.ticket(team)))
 
-    def _seat(self, match: Match, seats: Any, journal: int) -> _Table:
+    def _seat(self, match: Match, holders: dict[Team, SeatId | None], journal: int) -> Table:
         """Set up the network side of a match."""
-        header = match.header
-        match_id = sha256(header.identity.encode()).hexdigest()[:16]
-        chairs = {}
-        for team, name in zip(Team, (header.blue, header.red), strict=True):
-            put, end = self._session.publisher(topics.observation(self._pit, match_id, team))
-            chairs[team] = _Chair(name, seats[team], put, end)
-        publish, end_publish = self._session.publisher(topics.public(self._pit, match_id))
-        table = _Table(match_id, match, chairs, publish, end_publish, journal)
-        self._tables[match_id] = table
-        for team, seat in seats.items():
-            if seat is not None:
-                self._held[seat] = (match_id, team)
+        table = Table(self._session, self._pit, match, holders, journal, fsync=self._fsync)
+        self._tables[table.id] = table
+        self._held |= {seat: (table.id, team) for team, seat in holders.items() if seat is not None}
         return table
 
-    def _take(self, table: _Table, team: Team, seat: SeatId) -> None:
+    def _take(self, table: Table, team: Team, seat: SeatId) -> None:
         """Give a seat to the client that asks for it, from whichever process held it before."""
         chair = table.chairs[team]
         if chair.holder is not None:
             self._held.pop(chair.holder, None)
-        chair.holder, chair.has_left = seat, False
+        chair.holder = seat
         self._held[seat] = (table.id, team)
 
-    def _ticket(self, table: _Table, team: Team) -> Ticket:
-        ruleset = table.match.header.ruleset
-        rules = {"name": ruleset.name, **to_dict(ruleset)}
-        return Ticket(
-            match=table.id, team=int(team), ruleset=rules, opponent=table.chairs[team.other].name,
-            turn_time_s=self._terms.turn_time_s, bank_s=self._terms.bank_s, tick=table.match.tick,
-        )  # fmt: skip
-
-    def _send(self, table: _Table, team: Team, message: Message) -> None:
-        chair = table.chairs[team]
-        chair.put(chair.seal.close(encode(message)))
-
-    def _send_history(self, table: _Table, team: Team, known_ticks: int) -> None:
-        """Send what a seat was shown before it came back, in pieces that fit a message."""
-        observations, orders = table.match.history(team, max(known_ticks, 0))
-        if not observations:
-            return
-        step = max(1, _HISTORY_BYTES // (len(observations[0]) + len(orders[0]) + 8))
-        for first in range(0, len(observations), step):
-            piece = slice(first, first + step)
-            self._send(
-                table,
-                team,
-                History(first_tick=max(known_ticks, 0) + first, observations=observations[piece], orders=orders[piece]),
-            )
-
-    def _carry_out(self, table: _Table, events: Iterable[Event]) -> None:
+    def _carry_out(self, table: Table, events: Iterable[Event]) -> None:
         for event in events:
             if type(event) is Ask:
-                self._send(table, event.team, Turn(tick=event.tick, observation=event.observation))
+                table.ask(event)
             elif type(event) is Write:
-                _append(table.journal, event.data)
-                if self._fsync:
-                    os.fdatasync(table.journal)
+                table.write(event.data)
             elif type(event) is Publish:
-                blue, red, score = table.match.facts
-                table.publish(encode(Facts(tick=table.match.tick, living=[blue, red], score=score)))
+                table.publish_facts()
             elif type(event) is End:
                 self._finish(table, event.result)
 
-    def _finish(self, table: _Table, result: MatchResult) -> None:
+    def _finish(self, table: Table, result: MatchResult) -> None:
         match = table.match
-        seats = {team: match.record(team) for team in Team}
-        ended = Ended(
-            ending=result.ending.name.lower(),
-            winner=None if result.winner is None else result.winner.name.lower(),
-            score=result.score,
-            ticks=result.ticks,
-            reason=result.reason,
-            faults={team.name.lower(): seat.faults() for team, seat in seats.items()},
-        )
-        for team in Team:
-            self._send(table, team, ended)
-        table.publish(encode(ended))
-        os.close(table.journal)
+        table.end(result)
         for chair in table.chairs.values():
             if chair.holder is not None:
                 self._held.pop(chair.holder, None)
-            chair.end()
-        table.end_publish()
         del self._tables[table.id]
-        logger.info("match %s: %s, winner %s", match.header.identity, ended.ending, ended.winner)
-        self._on_end(Played(header=match.header, result=result, seats=seats))
+        logger.info("match %s: %s, winner %s", match.header.identity, result.ending.name.lower(), result.winner)
+        self._on_end(Played(header=match.header, result=result, seats={team: match.record(team) for team in Team}))
 
     def _sweep(self, now_s: float) -> None:
         """Let time pass for everyone."""
@@ -468,13 +336,3 @@ class Referee:
     def _forget_guest(self, seat: SeatId) -> None:
         self._guests.pop(seat, None)
         self._seating.forget(seat)
-
-
-def _append(journal: int, data: bytes) -> None:
-    """Write to a journal all or nothing; what cannot be written ends the pit before anybody hears of it."""
-    try:
-        n_written = os.write(journal, data)
-    except OSError as error:
-        raise ArenaError(f"cannot write a journal: {error.strerror}") from error
-    if n_written != len(data):
-        raise ArenaError("cannot write a journal: the disk is full")

@@ -207,7 +207,7 @@ threading.Event().wait()
 def test_a_stopped_listener_and_a_stopped_seat_make_no_other_match_late(
     serve: Start, join: Start, start: Start, port: int, tmp_path: Path
 ) -> None:
-    pit = serve("--matches", 3, "--seed", 7, "--turn-time", 0.5, "--bank", 0, "--missed", 4, "--grace", 20)
+    pit = serve("--matches", 3, "--seed", 7, "--turn-time", 0.5, "--bank", 0, "--missed", 60, "--grace", 60)
     listener = start(port, code=LISTENER).wait_for("listening")
     stopped = [join("--team", "red", "--policy", "patrol"), join("--team", "blue", "--policy", "patrol", "--name", "held")]
     bot = tmp_path / "paced.py"
@@ -222,6 +222,7 @@ def test_a_stopped_listener_and_a_stopped_seat_make_no_other_match_late(
     players = [join("--policy", bot, "--name", name, "--matches", 2) for name in ("ann", "bob")]
 
     assert [process.finish() for process in players] == [0, 0]
+    assert "held" not in pit.said, "its match runs all the while"
     listener.send(signal.SIGCONT)
     stopped[1].send(signal.SIGCONT)
     assert pit.finish() == 0

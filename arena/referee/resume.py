@@ -1,0 +1,50 @@
+"""Matches that a pit left unfinished: found by their journals, played again up to where they stood."""
+
+import logging
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from arena.errors import JournalError
+from arena.referee.journal import read_journal, whole_part
+from arena.referee.match import Event, Match, Terms
+
+logger = logging.getLogger(__name__)
+
+
+def resume_matches(
+    journals: Path, terms: Terms, now_s: float, wanted: Callable[[str], bool]
+) -> Iterator[tuple[Match, list[Event], int]]:
+    """Yield the unfinished matches whose identity is wanted.
+
+    Yields
+    ------
+    tuple
+        The match at its very tick; the events that are due at once, if its last tick was its last; its journal, open for
+        appending, without a record that was cut short.
+    """
+    for path in sorted(journals.glob("*.journal")):
+        data = path.read_bytes()
+        if _is_finished(data):
+            continue
+        try:
+            whole = whole_part(data)
+            journal = read_journal(whole)
+            if not wanted(journal.header.identity):
+                continue
+            match = Match(journal.header, terms, now_s)
+            events = match.recover(journal)
+        except JournalError as error:
+            logger.warning("%s cannot be resumed: %s", path.name, error)
+            continue
+        descriptor = os.open(path, os.O_WRONLY | os.O_APPEND)
+        os.ftruncate(descriptor, len(whole))
+        logger.info("resumed %s at tick %d", journal.header.identity, match.tick)
+        yield match, events, descriptor
+
+
+def _is_finished(data: bytes) -> bool:
+    try:
+        return read_journal(data).ending is not None
+    except JournalError:
+        return False
