@@ -19,7 +19,7 @@ import numpy as np
 from arena.errors import InputError
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset
-from arena.game.types import Team
+from arena.game.types import Ending, Team
 from arena.games import Games
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.referee.journal import Header, Mark, save_journal, write_ending, write_start
@@ -32,6 +32,12 @@ MATCHES_PER_TASK = 1024
 _RECORDS_PER_WRITE, _MOST_WRITES = 16, 64
 Load = Callable[[str], BatchFactory]
 """Makes a fighter from its name; a plain function, so that it can be sent to another process."""
+
+
+_BarePlan = tuple[str, str, str, bytes, bytes]
+_BareFaults = tuple[int, int, str | None]
+_BareRecord = tuple[str, tuple[int, int, int, int], tuple[_BareFaults, _BareFaults], bytes | None]
+_TEAMS = {int(Team.BLUE): Team.BLUE, int(Team.RED): Team.RED, -1: None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,8 +95,15 @@ def play(
         for task in tasks:
             yield from _play_task(ruleset, task, load, journals)
         return
-    for records in work([partial(_play_whole_task, ruleset, task, load, journals) for task in tasks], n_workers):
-        yield from records
+    by_identity = {plan.identity: plan for plan in plans}
+    for played in work([partial(_play_bare, ruleset, _bare(task), load, journals) for task in tasks], n_workers):
+        for identity, result, faults, journal in played:
+            yield MatchRecord(
+                plan=by_identity[identity],
+                result=MatchResult(ending=Ending(result[0]), winner=_TEAMS[result[1]], score=result[2], ticks=result[3]),
+                faults=(_faults(faults[0]), _faults(faults[1])),
+                journal=journal,
+            )
 
 
 def _make_folder(folder: Path) -> None:
@@ -115,8 +128,29 @@ def _split(plans: Sequence[MatchPlan]) -> Iterator[list[MatchPlan]]:
             yield whole[task::n_tasks]
 
 
-def _play_whole_task(ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None) -> list[MatchRecord]:
-    return list(_play_task(ruleset, plans, load, journals))
+def _bare(plans: list[MatchPlan]) -> list[_BarePlan]:
+    return [(plan.identity, plan.blue, plan.red, plan.keys.map_key, plan.keys.match_key) for plan in plans]
+
+
+def _faults(bare: _BareFaults) -> Faults:
+    return Faults(raised=bare[0], illegal=bare[1], first_traceback=bare[2])
+
+
+def _play_bare(ruleset: Ruleset, plans: list[_BarePlan], load: Load, journals: Path | None) -> list[_BareRecord]:
+    """Play a task in a worker. Plans and records cross as plain tuples: as dataclasses, pickling took longer than playing."""
+    whole = [
+        MatchPlan(identity=identity, blue=blue, red=red, keys=MatchKeys(map_key=map_key, match_key=match_key))
+        for identity, blue, red, map_key, match_key in plans
+    ]
+    played: list[_BareRecord] = []
+    for record in _play_task(ruleset, whole, load, journals):
+        result = record.result
+        winner = -1 if result.winner is None else int(result.winner)
+        blue, red = ((faults.raised, faults.illegal, faults.first_traceback) for faults in record.faults)
+        played.append(
+            (record.plan.identity, (int(result.ending), winner, result.score, result.ticks), (blue, red), record.journal)
+        )
+    return played
 
 
 def _play_task(ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None) -> Iterator[MatchRecord]:
@@ -133,7 +167,7 @@ def _save(records: Iterator[MatchRecord], folder: str) -> Iterator[MatchRecord]:
                 save_journal(folder, record.plan.identity, record.journal or b"")
             except OSError as error:
                 raise InputError(f"cannot write the journal of {record.plan.identity} in {folder}: {error.strerror}") from error
-        return [replace(record, journal=None) for record in some]
+        return [MatchRecord(plan=record.plan, result=record.result, faults=record.faults, journal=None) for record in some]
 
     with ThreadPoolExecutor(1) as writer:
         writing: deque[Future[list[MatchRecord]]] = deque()
@@ -220,7 +254,8 @@ class _Batch:
         plan = self.running.pop(row)
         result = match_result(self._games, row)
         for team, fighter in self._fighters.items():
-            fighter.end(row, result if team is Team.BLUE else replace(result, score=-result.score))
+            if type(fighter).end is not BatchPolicy.end:
+                fighter.end(row, result if team is Team.BLUE else replace(result, score=-result.score))
         self._pieces[row].append(write_ending(self._chains[row], result))
         return MatchRecord(
             plan=plan,
