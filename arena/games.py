@@ -14,14 +14,23 @@ from numpy.typing import NDArray
 from arena.errors import BoardError
 from arena.game.board import Board, parse_board
 from arena.game.draw import MAX_ATTEMPTS, begin
-from arena.game.kernel import draw_boards, observe, renew, sense, step, turn
-from arena.game.keys import MatchKeys, board_key, seat_keys, unit_keys
+from arena.game.kernel import draw_boards, observe, play, renew, sense, step, turn
+from arena.game.keys import KEY_BYTES, MatchKeys, board_key, seat_keys, unit_keys
 from arena.game.ruleset import Ruleset
 from arena.game.state import Fact, State, Tables, Trait, make_seen, make_state, make_tables
 from arena.game.types import FLAGS, UAVS, UGVS, Ending, Team
 from arena.observation import Observations
 
 WORK_SHAPE = (4, 32)
+_ENDING, _N_DIGESTED = int(Fact.ENDING), int(Fact.SCORE) + 1
+
+
+def warm(ruleset: Ruleset) -> None:
+    """Compile, or load, all that a match needs, before anybody waits for it."""
+    games = Games(ruleset, 1)
+    games.start([0], [MatchKeys(map_key=bytes(KEY_BYTES), match_key=bytes(KEY_BYTES))])
+    games.observe()
+    games.play(np.zeros(games.state.cell.shape, np.int8))
 
 
 @lru_cache(maxsize=64)
@@ -110,6 +119,11 @@ class Games:
             raise ValueError(f"orders must be int8 of shape {self.state.cell.shape}, not {orders.dtype} of {orders.shape}")
         step(self.state, orders, self.tables, self._work, True)
 
+    def play(self, orders: NDArray[np.int8]) -> dict[Team, Observations]:
+        """Step and observe, in one call."""
+        play(self.state, orders, self.tables, self._work, self._seat_keys, self._boards, self._rows, self._told[0], self._told[1])
+        return self._seen
+
     def observe(self) -> dict[Team, Observations]:
         """Return what each team sees now, in memory that the next call overwrites."""
         sense(self.state, self.tables, self._seat_keys, self._boards, self._rows, *self._told)
@@ -139,9 +153,19 @@ class Games:
         over: NDArray[np.bool_] = self.state.fact[:, Fact.ENDING] != Ending.RUNNING
         return over
 
+    def has_ended(self, game: int) -> bool:
+        """Whether one row holds no running game."""
+        return bool(self.state.fact[game, _ENDING])
+
+    def digestible_of(self, game: int) -> bytes:
+        """Return one row of `digestible`."""
+        state = self.state
+        parts = state.fact[game, :_N_DIGESTED], state.cell[game], state.alive[game]
+        return b"".join(part.tobytes() for part in parts)
+
     def digestible(self) -> NDArray[np.uint8]:
         """Return the bytes of each true state that change from tick to tick; shape (n_games, bytes), freshly made."""
-        facts = np.ascontiguousarray(self.state.fact[:, : Fact.SCORE + 1], "<i4").view(np.uint8)
+        facts = np.ascontiguousarray(self.state.fact[:, :_N_DIGESTED], "<i4").view(np.uint8)
         cells = self.state.cell.astype("<i2", copy=False).view(np.uint8)
         return np.concatenate([facts, cells, self.state.alive], axis=1)
 

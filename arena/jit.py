@@ -53,7 +53,7 @@ def _can_write(root: Path) -> bool:
     return True
 
 
-def jit(*, inline: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
+def jit(*, inline: bool = False, keeps_gil: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Compile without the GIL, without Python objects and without numba's runtime: a kernel that allocates does not compile.
 
     Leaving the runtime out also spares the counting of references, which took most of a tick.
@@ -62,10 +62,12 @@ def jit(*, inline: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
     ----------
     inline
         Make the function part of each caller, so that arguments that are constants there are constants here.
+    keeps_gil
+        For calls of microseconds: giving the interpreter up and taking it back would take longer.
     """
 
     def compile_(function: Callable[P, R]) -> Callable[P, R]:
-        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
+        options: dict[str, Any] = {"nogil": not keeps_gil, "error_model": "numpy", "_nrt": False}
         if inline:
             return numba.njit(forceinline=True, **options)(function)  # type: ignore[no-any-return]
         folder = _cache_folder(function.__module__.partition(".")[0])

@@ -7,18 +7,19 @@ Set as measured on 1.10: congestion control BLOCK, since DROP lost turns under l
 import json
 from collections.abc import Callable
 from contextlib import suppress
+from threading import Event, Thread
 from types import TracebackType
 from typing import Any
 
 import zenoh
-from zenoh.handlers import Callback
+from zenoh.handlers import Callback, RingChannel
 
 from arena.errors import InputError, LostPitError
 from arena.protocol.codec import MOST_BYTES
 
 Put = Callable[[bytes], None]
-OnData = Callable[[str, bytes], None]
-"""Told the key and the payload, on a thread of Zenoh's: it may only enqueue."""
+Sample = zenoh.Sample
+"""What was heard; `read_key` and `read_payload` take it apart, on the thread that wants to know."""
 _WAIT_BEFORE_CLOSE_US = 50_000
 _BATCHES = 16
 """In the queue of each peer: the most that Zenoh allows, so that a peer that waits for a busy core is not cut off."""
@@ -70,13 +71,26 @@ class Session:
         publisher = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
         return publisher.put, publisher.undeclare
 
-    def subscribe(self, key: str, on_data: OnData) -> Callable[[], None]:
-        """Pass on every sample of `key`; return what ends it."""
+    def subscribe(self, key: str, on_sample: Callable[[Sample], None]) -> Callable[[], None]:
+        """Pass on every sample of `key`, on a thread of Zenoh's, so it may only be enqueued; return what ends it."""
+        return self._session.declare_subscriber(key, Callback(on_sample, indirect=False)).undeclare
 
-        def heard(sample: zenoh.Sample) -> None:
-            on_data(str(sample.key_expr), _bytes(sample.payload))
+    def collect(self, key: str, most: int) -> "Collector":
+        """Collect the samples of `key` outside Python, where no thread fights for the interpreter; the oldest of too many go."""
+        return Collector(self._session.declare_subscriber(key, RingChannel(most)))
 
-        return self._session.declare_subscriber(key, Callback(heard, indirect=False)).undeclare
+    def beat(self, key: str, period_s: float) -> Callable[[], None]:
+        """Put an empty sample on `key`, for this session alone, every `period_s`; return what ends it."""
+        put = self._session.declare_publisher(key, allowed_destination=zenoh.Locality.SESSION_LOCAL).put
+        stopped = Event()
+
+        def run() -> None:
+            while not stopped.wait(period_s):
+                with suppress(zenoh.ZError):  # the session is closing
+                    put(b"")
+
+        Thread(target=run, name="beat", daemon=True).start()
+        return stopped.set
 
     def answer(self, key: str, on_question: OnQuestion) -> Callable[[], None]:
         """Pass on every query of `key`; return what ends it."""
@@ -106,6 +120,26 @@ class Session:
             on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         return self._session.liveliness().declare_subscriber(key, Callback(changed, indirect=False), history=True).undeclare
+
+
+class Collector:
+    """Samples that wait to be read, by one thread."""
+
+    def __init__(self, subscriber: Any) -> None:
+        self.wait: Callable[[], Sample] = subscriber.recv
+        """Return the next sample, however long it takes."""
+        self.take: Callable[[], Sample | None] = subscriber.try_recv
+        """Return the next sample that is there, or None."""
+
+
+def read_key(sample: Sample) -> str:
+    """Return the key of a sample."""
+    return str(sample.key_expr)
+
+
+def read_payload(sample: Sample) -> bytes:
+    """Return the payload of a sample, or nothing of one that is longer than any message."""
+    return _bytes(sample.payload)
 
 
 def _bytes(payload: zenoh.ZBytes) -> bytes:

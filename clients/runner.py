@@ -23,7 +23,7 @@ from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import Closed, JoinRequest, Message, Refusal, Ticket, Wait
 from arena.protocol.sealing import OpenSeal
-from arena.transport import Put, Session, open_client
+from arena.transport import Put, Sample, Session, open_client, read_payload
 from clients.seat import Seat
 
 logger = logging.getLogger(__name__)
@@ -108,7 +108,7 @@ class Runner:
         self._on_seat, self._on_end, self._on_wait = on_seat, on_end, on_wait
         self._client = uuid.uuid4().hex
         self._slots = [_Slot(number) for number in range(settings.n_slots)]
-        self._inbox: SimpleQueue[tuple[str, int, bytes]] = SimpleQueue()
+        self._inbox: SimpleQueue[tuple[int, bytes | Sample]] = SimpleQueue()
         self._n_begun = self._n_ended = self._n_heard = 0
         self._is_stopping = False
 
@@ -171,24 +171,24 @@ class Runner:
                     if not session.is_connected() or not self._keep_asking(session, now_s):
                         return
                 try:
-                    kind, number, payload = self._inbox.get(timeout=_TICK_S)
+                    number, heard = self._inbox.get(timeout=_TICK_S)
                 except Empty:
                     continue
                 slot = self._slots[number]
-                if kind == "turn":
-                    self._on_turn(slot, payload)
+                if isinstance(heard, bytes):
+                    self._on_answer(session, slot, heard)
                 else:
-                    self._on_answer(session, slot, payload)
+                    self._on_turn(slot, read_payload(heard))
                 if slot.seat is None:
                     checked_at_s = 0.0  # ask again at once
         finally:
             for slot in self._slots:
                 slot.leave.close()
 
-    def _hear(self, kind: str, number: int, payload: bytes) -> None:
+    def _hear(self, number: int, heard: bytes | Sample) -> None:
         """Enqueue, on a thread of Zenoh's; what comes beyond the bound is asked for again."""
         if self._inbox.qsize() < MOST_WAITING:
-            self._inbox.put((kind, number, payload))
+            self._inbox.put((number, heard))
 
     def _keep_asking(self, session: Session, now_s: float) -> bool:
         """Ask for what is missing; False if the pit does not answer any more."""
@@ -215,7 +215,7 @@ class Runner:
         )  # fmt: skip
         slot.asked_at_s, slot.ask_limit_s = now_s, ANSWER_S if slot.seat is None else PROBE_S
         number = slot.number
-        session.ask(topics.join(settings.pit), encode(request), lambda data: self._hear("answer", number, data), slot.ask_limit_s)
+        session.ask(topics.join(settings.pit), encode(request), lambda data: self._hear(number, data), slot.ask_limit_s)
 
     def _on_answer(self, session: Session, slot: _Slot, payload: bytes) -> None:
         slot.asked_at_s = None
@@ -251,7 +251,7 @@ class Runner:
             slot.put, end = session.publisher(topics.action(pit, ticket.match, team))
             slot.leave.callback(end)
             slot.leave.callback(
-                session.subscribe(topics.observation(pit, ticket.match, team), lambda _, data: self._hear("turn", number, data))
+                session.subscribe(topics.observation(pit, ticket.match, team), lambda sample: self._hear(number, sample))
             )
         slot.put(slot.seal.close(encode(slot.seat.ready())))
 

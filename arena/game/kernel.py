@@ -164,6 +164,13 @@ def sense(state: Any, tables: Any, seat_keys: Any, boards: Any, rows: Any, blue:
     _tell(state, tables, seat_keys, boards, 1, red)
 
 
+@jit(keeps_gil=True)
+def play(state: Any, orders: Any, tables: Any, work: Any, seat_keys: Any, boards: Any, rows: Any, blue: Any, red: Any) -> None:
+    """Step and sense, in one call: a tick of the referee."""
+    step(state, orders, tables, work, True)
+    sense(state, tables, seat_keys, boards, rows, blue, red)
+
+
 @jit(inline=True)
 def _tell(state: Any, tables: Any, seat_keys: Any, boards: Any, team: Any, seen: Any) -> None:
     for game in range(len(state.cell)):

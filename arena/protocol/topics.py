@@ -46,6 +46,11 @@ def all_actions(pit: str) -> str:
     return f"arena/{pit}/match/*/*/action"
 
 
+def beat(pit: str) -> str:
+    """Return the key on which a referee wakes itself: an action of no match, heard with all the others."""
+    return f"arena/{pit}/match/beat/blue/action"
+
+
 def read_action(key: str) -> tuple[str, Team]:
     """Return the match and the team of an action key."""
     parts = key.split("/")

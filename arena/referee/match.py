@@ -14,6 +14,7 @@ from arena.errors import JournalError
 from arena.game.state import Fact
 from arena.game.types import Action, Ending, Team
 from arena.games import Games
+from arena.observation import Observations
 from arena.policy import MatchResult
 from arena.protocol.sight import pack
 from arena.referee.journal import Header, Journal, Mark, write_ending, write_start, write_tick
@@ -132,9 +133,9 @@ class Match:
         self._marks = {team: Mark(0) for team in Team}
         self._past: list[bytes] = []
         self._shown: dict[Team, list[bytes]] = {team: [] for team in Team}
-        ground, state = self._games.state.ground[0].tobytes(), self._games.digestible()[0].tobytes()
+        ground, state = self._games.state.ground[0].tobytes(), self._games.digestible_of(0)
         self.start_record, self._chain = write_start(header, ground, state)
-        self._show()
+        self._show(self._games.observe())
 
     @property
     def tick(self) -> int:
@@ -177,11 +178,11 @@ class Match:
             blue = self._n_units[Team.BLUE]
             self._answers = {Team.BLUE: record.orders[:blue], Team.RED: record.orders[blue:]}
             self._marks = dict(zip(Team, record.marks, strict=True))
-            is_over = bool(self._games.is_over[0])
+            is_over = self._games.has_ended(0)
             self._play_tick()
             if is_over or self._chain != record.chain:
                 raise JournalError(f"the journal was changed: at tick {number} its orders or its state are others")
-        return self._end(match_result(self._games, 0)) if self._games.is_over[0] else []
+        return self._end(match_result(self._games, 0)) if self._games.has_ended(0) else []
 
     def ready(self, team: Team, now_s: float) -> list[Event]:
         """A seat listens: at first, or after it was away. It is asked at once if the match waits for it."""
@@ -283,7 +284,7 @@ class Match:
     def _turn(self, now_s: float) -> list[Event]:
         """Play the tick that both have answered, and ask for the next."""
         write = Write(data=self._play_tick())
-        if self._games.is_over[0]:
+        if self._games.has_ended(0):
             return [write, *self._end(match_result(self._games, 0))]
         return [write, *self._ask_all(now_s)]
 
@@ -291,20 +292,20 @@ class Match:
         """Step, and return the tick's record."""
         orders = self._answers[Team.BLUE] + self._answers[Team.RED]
         self._orders[0] = np.frombuffer(orders, np.int8)
-        self._games.step(self._orders)
+        seen = self._games.play(self._orders)
         self._past.append(orders)
         marks = bytes((self._marks[Team.BLUE], self._marks[Team.RED]))
-        record, self._chain = write_tick(self._chain, orders, marks, self._games.digestible()[0].tobytes())
+        record, self._chain = write_tick(self._chain, orders, marks, self._games.digestible_of(0))
         self._marks = {team: Mark(0) for team in Team}
-        self._show()
+        self._show(seen)
         return record
 
-    def _show(self) -> None:
+    def _show(self, seen: dict[Team, Observations]) -> None:
         """Lay up what each seat is to see of the tick that begins."""
         cells = self.header.ruleset.side**2
-        for team, seen in self._games.observe().items():
+        for team, observations in seen.items():
             clock_s = None if self.terms.turn_time_s is None else self._seats[team].bank_s
-            self._shown[team].append(pack(seen, 0, clock_s, cells))
+            self._shown[team].append(pack(observations, 0, clock_s, cells))
 
     def _ask_all(self, now_s: float) -> list[Event]:
         events: list[Event] = []

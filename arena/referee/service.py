@@ -10,12 +10,13 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import Any
 
 from arena.errors import UnreadableError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
+from arena.games import warm
 from arena.policy import MatchResult
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
@@ -33,7 +34,7 @@ from arena.referee.match import Ask, End, Event, Match, Publish, SeatRecord, Ter
 from arena.referee.resume import resume_matches
 from arena.referee.seating import Pairing, SeatId, Seating, object_to
 from arena.referee.table import Table
-from arena.transport import Question, Session
+from arena.transport import Question, Sample, Session, read_key, read_payload
 
 logger = logging.getLogger(__name__)
 
@@ -97,8 +98,10 @@ class Referee:
         self.n_dropped = 0
         self._n_begun = 0
         journals.mkdir(parents=True, exist_ok=True)
+        warm(ruleset)
         session.watch_presence(topics.all_presence(pit), self._enqueue(self._on_presence))
-        session.subscribe(topics.all_actions(pit), self._enqueue(self._on_action))
+        self._actions = session.collect(topics.all_actions(pit), MOST_WAITING)
+        self._end_beat = session.beat(topics.beat(pit), _SWEEP_S)
         session.answer(topics.join(pit), self._enqueue(self._on_join))
         session.answer(topics.lobby(pit), self._enqueue(self._on_lobby))
 
@@ -132,14 +135,15 @@ class Referee:
         """Referee until `until()`, asked every hundredth of a second, or until `stop`."""
         next_sweep_s = 0.0
         while not self._is_stopping:
-            try:
-                handle, arguments = self._inbox.get(timeout=_SWEEP_S)
-                handle(*arguments)
-            except Empty:
-                pass
+            self._on_action(self._actions.wait())  # at the latest when the session's own beat comes
             now_s = time.monotonic()
             if now_s >= next_sweep_s:
                 # What has come by now counts as come by now, however long the queue: the pit's own delay is charged to nobody.
+                for _ in range(MOST_WAITING):
+                    sample = self._actions.take()
+                    if sample is None:
+                        break
+                    self._on_action(sample)
                 for _ in range(self._inbox.qsize()):
                     handle, arguments = self._inbox.get()
                     handle(*arguments)
@@ -150,6 +154,7 @@ class Referee:
 
     def close(self) -> None:
         """Put every match down as it stands: a later referee can resume it."""
+        self._end_beat()
         for table in self._tables.values():
             table.put_down()
         self._tables.clear()
@@ -177,9 +182,9 @@ class Referee:
             table = self._tables[match_id]
             self._carry_out(table, table.match.leave(team, now_s))
 
-    def _on_action(self, key: str, payload: bytes) -> None:
+    def _on_action(self, sample: Sample) -> None:
         try:
-            match_id, team = topics.read_action(key)
+            match_id, team = topics.read_action(read_key(sample))
         except UnreadableError:
             return
         table = self._tables.get(match_id)
@@ -187,7 +192,7 @@ class Referee:
             return
         chair = table.chairs[team]
         try:
-            message = decode(chair.seal.open(payload))
+            message = decode(chair.seal.open(read_payload(sample)))
         except UnreadableError:
             table.match.garble(team)
             return
