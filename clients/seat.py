@@ -10,7 +10,7 @@ from arena.game.ruleset import Ruleset, from_dict
 from arena.game.types import Ending, Team
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn
-from arena.protocol.sight import unpack
+from arena.protocol.sight import Reader
 from arena.protocol.topics import is_chunk
 
 _SEAT = np.zeros(1, np.intp)
@@ -41,6 +41,7 @@ class Seat:
         self.ended: Ended | None = None
         self.known_ticks = 0
         """Observations that the policy has been shown."""
+        self._reader = Reader(self.ruleset, self.team)
         self._policy: BatchPolicy = make(self.ruleset, self.team, 1)
         self._policy.start(_SEAT)
         self._orders = np.zeros((1, len(self.ruleset.team(self.team))), np.int8)
@@ -104,7 +105,7 @@ class Seat:
             self._ask_policy(observation)
 
     def _ask_policy(self, data: bytes) -> None:
-        observations, _ = unpack(data, self.ruleset, self.team)
+        observations, _ = self._reader.read(data)
         if int(observations.tick[0]) != self.known_ticks:
             raise UnreadableError(f"the observation is of tick {observations.tick[0]}, not {self.known_ticks}")
         self._orders[:] = 0

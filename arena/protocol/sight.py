@@ -7,7 +7,6 @@ Integers are little-endian. Enemies out of sight are -1 and -1, after those in s
 """
 
 import struct
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -33,17 +32,6 @@ class _Layout(NamedTuple):
         return _HEAD.size + self.n_cells + 3 * self.n_own + 3 * self.n_enemy
 
 
-@lru_cache(maxsize=256)
-def _layout(ruleset: Ruleset, team: Team) -> _Layout:
-    return _Layout(ruleset.side**2, len(ruleset.team(team)), len(ruleset.team(team.other)))
-
-
-@lru_cache(maxsize=256)
-def _flies(ruleset: Ruleset) -> np.ndarray:
-    """Return for each unit type whether it flies; type -1, which is no unit, does not."""
-    return np.array([*(unit.flies for unit in ruleset.units), False], np.uint8)
-
-
 def pack(observations: Observations, seat: int, clock_s: float | None, n_cells: int) -> bytes:
     """Return the bytes of one seat's observation."""
     clock = _NO_CLOCK if clock_s is None else min(max(int(clock_s * 1000), 0), _NO_CLOCK - 1)
@@ -64,57 +52,70 @@ def pack(observations: Observations, seat: int, clock_s: float | None, n_cells: 
 
 
 def unpack(data: bytes, ruleset: Ruleset, team: Team) -> tuple[Observations, float | None]:
-    """Return the observation that `pack` wrote, as a batch of one, and the clock.
+    """Return the observation that `pack` wrote, as a batch of one, and the clock; who reads many keeps a `Reader`.
 
     Raises
     ------
     UnreadableError
         The bytes are no observation under this ruleset.
     """
-    layout = _layout(ruleset, team)
-    if len(data) != layout.n_bytes:
-        raise UnreadableError(f"an observation has {layout.n_bytes} bytes under these rules, not {len(data)}")
-    tick, clock, seed, score, own, enemy = _HEAD.unpack_from(data)
-    at = _HEAD.size
-    if tick > _MOST_TICKS or data[at : at + layout.n_cells].translate(None, _CODES):
-        raise UnreadableError("an observation has a tick or a cell that no game has")
-    memory = bytearray(data)  # arrays that can be written to, as the local venue's: kernels are compiled for such
-    ground = np.frombuffer(memory, np.int8, layout.n_cells, at)[None]
-    at += layout.n_cells
-    cell = np.frombuffer(memory, "<i2", layout.n_own, at)[None]
-    at += 2 * layout.n_own
-    alive = np.frombuffer(memory, np.uint8, layout.n_own, at)[None]
-    at += layout.n_own
-    enemy_cell = np.frombuffer(memory, "<i2", layout.n_enemy, at)[None]
-    at += 2 * layout.n_enemy
-    enemy_type = np.frombuffer(memory, np.int8, layout.n_enemy, at)[None]
-    _check(ruleset, layout, cell.tolist()[0], alive.tolist()[0], enemy_cell.tolist()[0], enemy_type.tolist()[0])
-    seen = Observations(
-        team=team,
-        side=ruleset.side,
-        tick=np.array([tick], np.int32),
-        ground=ground,
-        cell=cell,
-        alive=alive,
-        enemy_cell=enemy_cell,
-        enemy_flies=_flies(ruleset)[enemy_type],
-        enemy_type=enemy_type,
-        living=np.array([[own, enemy]], np.int16),
-        score=np.array([score], np.int16),
-        seed=np.array([seed], np.uint64),
-    )
-    return seen, None if clock == _NO_CLOCK else clock / 1000
+    return Reader(ruleset, team).read(data)
 
 
-def _check(
-    ruleset: Ruleset, layout: _Layout, cell: list[int], alive: list[int], enemy_cell: list[int], enemy_type: list[int]
-) -> None:
-    """Refuse units where no unit can be: fighters index boards by them."""
-    own_fit = all(0 <= at < layout.n_cells for at in cell) and all(is_alive in (0, 1) for is_alive in alive)
-    kinds = len(ruleset.units)
-    enemies_fit = all(
-        (at == kind == -1) or (0 <= at < layout.n_cells and 0 <= kind < kinds)
-        for at, kind in zip(enemy_cell, enemy_type, strict=True)
-    )
-    if not own_fit or not enemies_fit:
-        raise UnreadableError("an observation has a unit that no game has")
+class Reader:
+    """Reads the observations of one seat."""
+
+    def __init__(self, ruleset: Ruleset, team: Team) -> None:
+        self._team, self._side = team, ruleset.side
+        self._layout = _Layout(ruleset.side**2, len(ruleset.team(team)), len(ruleset.team(team.other)))
+        # Type -1, which is no unit, finds the last, which does not fly.
+        self._flies = np.array([*(unit.flies for unit in ruleset.units), False], np.uint8)
+
+    def read(self, data: bytes) -> tuple[Observations, float | None]:
+        """Return what `pack` wrote; see `unpack`."""
+        layout = self._layout
+        if len(data) != layout.n_bytes:
+            raise UnreadableError(f"an observation has {layout.n_bytes} bytes under these rules, not {len(data)}")
+        tick, clock, seed, score, own, enemy = _HEAD.unpack_from(data)
+        at = _HEAD.size
+        if tick > _MOST_TICKS or data[at : at + layout.n_cells].translate(None, _CODES):
+            raise UnreadableError("an observation has a tick or a cell that no game has")
+        memory = bytearray(data)  # arrays that can be written to, as the local venue's: kernels are compiled for such
+        ground = np.frombuffer(memory, np.int8, layout.n_cells, at)
+        at += layout.n_cells
+        cell = np.frombuffer(memory, "<i2", layout.n_own, at)
+        at += 2 * layout.n_own
+        alive = np.frombuffer(memory, np.uint8, layout.n_own, at)
+        at += layout.n_own
+        enemy_cell = np.frombuffer(memory, "<i2", layout.n_enemy, at)
+        at += 2 * layout.n_enemy
+        enemy_type = np.frombuffer(memory, np.int8, layout.n_enemy, at)
+        self._check(cell.tolist(), alive.tolist(), enemy_cell.tolist(), enemy_type.tolist())
+        seen = Observations(
+            team=self._team,
+            side=self._side,
+            tick=np.array([tick], np.int32),
+            ground=ground[None],
+            cell=cell[None],
+            alive=alive[None],
+            enemy_cell=enemy_cell[None],
+            enemy_flies=self._flies[enemy_type][None],
+            enemy_type=enemy_type[None],
+            living=np.array([[own, enemy]], np.int16),
+            score=np.array([score], np.int16),
+            seed=np.array([seed], np.uint64),
+        )
+        return seen, None if clock == _NO_CLOCK else clock / 1000
+
+    def _check(self, cell: list[int], alive: list[int], enemy_cell: list[int], enemy_type: list[int]) -> None:
+        """Refuse units where no unit can be: fighters index boards by them."""
+        n_cells, n_kinds = self._layout.n_cells, len(self._flies) - 1
+        if (
+            min(cell, default=0) < 0
+            or max(cell, default=0) >= n_cells
+            or max(alive, default=0) > 1
+            or max(enemy_cell, default=0) >= n_cells
+            or max(enemy_type, default=-1) >= n_kinds
+            or any(at < -1 or kind < -1 or (at < 0) != (kind < 0) for at, kind in zip(enemy_cell, enemy_type, strict=True))
+        ):
+            raise UnreadableError("an observation has a unit that no game has")
