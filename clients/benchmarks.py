@@ -22,6 +22,7 @@ from arena.errors import ArenaError
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team
+from arena.games import warm
 from arena.observation import Observations
 from arena.policy import BatchPolicy, Orders
 from arena.referee.local import MatchPlan
@@ -77,6 +78,7 @@ def _measure(n_matches: int, seats_per_process: int) -> dict[str, float]:
     ruleset = load("paper").with_({"tick_limit": 1_000_000})
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
     plans = [_plan(number) for number in range(n_matches)]
+    warm(ruleset)
     context = multiprocessing.get_context("spawn")
     n_processes = 2 * n_matches // seats_per_process
     with tempfile.TemporaryDirectory() as folder, open_router(endpoint) as session:

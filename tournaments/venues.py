@@ -20,6 +20,7 @@ from pathlib import Path
 from arena.errors import ArenaError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Ending, Team
+from arena.games import warm
 from arena.policy import BatchFactory
 from arena.referee.local import MatchPlan, MatchRecord
 from arena.referee.local import play as play_matches
@@ -193,6 +194,7 @@ def _referee(said: Connection, endpoint: str, setting: Setting, plans: list[Matc
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = os.getppid()
     ours = {plan.identity for plan in plans}
+    warm(setting.ruleset)  # before anybody can ask
     with open_router(endpoint) as session:
         seating = PlannedSeating(plans)
         referee = Referee(

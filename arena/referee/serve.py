@@ -12,6 +12,7 @@ from arena.address import Address
 from arena.errors import InputError
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
 from arena.game.ruleset import Ruleset
+from arena.games import warm
 from arena.referee.local import MatchPlan
 from arena.referee.match import Terms
 from arena.referee.seating import OpenSeating
@@ -57,6 +58,7 @@ class Pit:
     def run(self, on_open: Callable[[int], None], on_end: Callable[[Played], None]) -> int:
         """Serve until stopped, or until the last match is over; return how many matches were left to be resumed."""
         settings = self._settings
+        warm(settings.ruleset)  # before anybody can ask: a client that hears no answer goes away
         with _alone_in(settings.journals), open_router(settings.listen) as session:
             referee = Referee(
                 session, settings.address.pit, settings.ruleset, self._seating, settings.terms, settings.journals,

@@ -16,7 +16,6 @@ from typing import Any
 from arena.errors import UnreadableError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
-from arena.games import warm
 from arena.policy import MatchResult
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
@@ -98,7 +97,6 @@ class Referee:
         self.n_dropped = 0
         self._n_begun = 0
         journals.mkdir(parents=True, exist_ok=True)
-        warm(ruleset)
         session.watch_presence(topics.all_presence(pit), self._enqueue(self._on_presence))
         self._actions = session.collect(topics.all_actions(pit), MOST_WAITING)
         self._end_beat = session.beat(topics.beat(pit), _SWEEP_S)
