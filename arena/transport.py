@@ -101,13 +101,19 @@ class Session:
         return self._session.declare_queryable(key, Callback(heard, indirect=False)).undeclare
 
     def ask(self, key: str, payload: bytes, on_answer: Callable[[bytes], None], timeout_s: float) -> None:
-        """Ask, and pass the answer on; nothing is passed on if none comes in time."""
+        """Ask, and pass the answer on; nothing but b"" is passed on if nobody is there to answer, or none does in time."""
+        answers = []
 
         def heard(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                on_answer(_bytes(reply.ok.payload))
+                answers.append(_bytes(reply.ok.payload))
+                on_answer(answers[0])
 
-        self._session.get(key, Callback(heard, indirect=False), payload=payload, timeout=timeout_s)
+        def ended() -> None:
+            if not answers:
+                on_answer(b"")
+
+        self._session.get(key, Callback(heard, ended, indirect=False), payload=payload, timeout=timeout_s)
 
     def declare_presence(self, key: str) -> None:
         """Say that this process is there, until the session ends."""

@@ -5,6 +5,7 @@ has answered before.
 """
 
 import logging
+import math
 import time
 import uuid
 from collections.abc import Callable
@@ -33,6 +34,8 @@ ANSWER_S = 8.0
 SILENCE_S = 2.0
 """A seat that hears nothing for so long asks whether its match still runs."""
 PROBE_S = 2.0
+MOST_UNANSWERED = 12
+"""Questions in a row to which nobody was there to answer, a quarter of a second apart."""
 MOST_WAITING = 2_000
 """Messages in the queue."""
 _TICK_S = 0.25
@@ -67,6 +70,7 @@ class _Slot:
         self.seal = OpenSeal()
         self.is_done = False
         self.asked_at_s: float | None = None
+        self.n_unanswered = 0
         self.ask_limit_s = ANSWER_S
         self.heard_at_s = 0.0
 
@@ -175,6 +179,9 @@ class Runner:
                 except Empty:
                     continue
                 slot = self._slots[number]
+                if heard == b"":
+                    self._on_silence(slot)
+                    continue
                 if isinstance(heard, bytes):
                     self._on_answer(session, slot, heard)
                 else:
@@ -189,6 +196,11 @@ class Runner:
         """Enqueue, on a thread of Zenoh's; what comes beyond the bound is asked for again."""
         if self._inbox.qsize() < MOST_WAITING:
             self._inbox.put((number, heard))
+
+    def _on_silence(self, slot: _Slot) -> None:
+        """Ask again a little later: a pit that opens has its router before its ears. In the end, give the pit up."""
+        slot.n_unanswered += 1
+        slot.asked_at_s = None if slot.n_unanswered < MOST_UNANSWERED else -math.inf
 
     def _keep_asking(self, session: Session, now_s: float) -> bool:
         """Ask for what is missing; False if the pit does not answer any more."""
@@ -218,7 +230,7 @@ class Runner:
         session.ask(topics.join(settings.pit), encode(request), lambda data: self._hear(number, data), slot.ask_limit_s)
 
     def _on_answer(self, session: Session, slot: _Slot, payload: bytes) -> None:
-        slot.asked_at_s = None
+        slot.asked_at_s, slot.n_unanswered = None, 0
         slot.heard_at_s = time.monotonic()
         self._n_heard += 1
         try:
