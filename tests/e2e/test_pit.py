@@ -163,7 +163,7 @@ def test_a_pit_that_is_told_to_stop_lets_its_match_end_and_sends_guests_home(ser
 def test_a_match_whose_clients_were_both_killed_ends_by_rule(serve: Start, join: Start, tmp_path: Path) -> None:
     pit = serve("--matches", 1, "--grace", 3, "--turn-time", 60)
     bot = write_bot(tmp_path, stop_at=3)
-    players = [join("--team", "red", "--policy", "rush"), join("--team", "blue", "--policy", bot).wait_for("thinking at 3")]
+    players = [join("--team", "red", "--policy", "defend"), join("--team", "blue", "--policy", bot).wait_for("thinking at 3")]
 
     for player in players:
         player.kill()
