@@ -89,8 +89,13 @@ class Session:
                 with suppress(zenoh.ZError):  # the session is closing
                     put(b"")
 
-        Thread(target=run, name="beat", daemon=True).start()
-        return stopped.set
+        def end() -> None:
+            stopped.set()
+            thread.join()  # one that is caught within Zenoh when the interpreter ends takes the process down
+
+        thread = Thread(target=run, name="beat", daemon=True)
+        thread.start()
+        return end
 
     def answer(self, key: str, on_question: OnQuestion) -> Callable[[], None]:
         """Pass on every query of `key`; return what ends it."""
