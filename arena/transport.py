@@ -5,6 +5,7 @@ Set as measured on 1.10: congestion control BLOCK, since DROP lost turns under l
 """
 
 import json
+import socket
 from collections.abc import Callable
 from contextlib import suppress
 from threading import Event, Thread
@@ -156,6 +157,13 @@ def read_payload(sample: Sample) -> bytes:
 def _bytes(payload: zenoh.ZBytes) -> bytes:
     """Return the payload; nothing of one that is longer than any message, so that no queue is filled with it."""
     return payload.to_bytes() if len(payload) <= MOST_BYTES else b""
+
+
+def free_port() -> int:
+    """Return a TCP port of loopback that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def open_router(endpoint: str) -> Session:

@@ -8,7 +8,6 @@ import json
 import multiprocessing
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -29,7 +28,7 @@ from arena.referee.local import MatchPlan
 from arena.referee.match import Terms
 from arena.referee.seating import PlannedSeating
 from arena.referee.service import Referee
-from arena.transport import open_router
+from arena.transport import free_port, open_router
 from clients.runner import Runner, Settings
 
 SIZES = ((1, 1), (8, 8), (64, 16))
@@ -76,7 +75,7 @@ def _summary(pairs: list[Any]) -> dict[str, Any]:
 def _measure(n_matches: int, seats_per_process: int) -> dict[str, float]:
     """Run matches that do not end, and return what one window of time held."""
     ruleset = load("paper").with_({"tick_limit": 1_000_000})
-    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     plans = [_plan(number) for number in range(n_matches)]
     warm(ruleset)
     context = multiprocessing.get_context("spawn")
@@ -143,7 +142,7 @@ def _yardstick(folder: Path, matches: int, seats: int) -> dict[str, float]:
     """Return what bare Zenoh does."""
     command = [
         sys.executable, "-W", "ignore", str(folder / "zenoh_turns.py"), "--matches", str(matches), "--per-process", str(seats),
-        "--seconds", str(RUN_S), "--endpoint", f"tcp/127.0.0.1:{_free_port()}",
+        "--seconds", str(RUN_S), "--endpoint", f"tcp/127.0.0.1:{free_port()}",
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
     facts = json.loads(done.stdout.splitlines()[-1])
@@ -153,7 +152,7 @@ def _yardstick(folder: Path, matches: int, seats: int) -> dict[str, float]:
 def _time_fresh_match() -> float:
     """Return the seconds from three commands, typed at once, to the last one's end."""
     with tempfile.TemporaryDirectory() as folder:
-        endpoint = f"tcp/127.0.0.1:{_free_port()}"
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
         arena = [sys.executable, "-c", "from arena.cli import main; main()"]
         begin_s = time.monotonic()
         commands = [
@@ -168,9 +167,3 @@ def _time_fresh_match() -> float:
         if any(codes):
             raise ArenaError(f"a fresh match failed: exit codes {codes}")
         return time.monotonic() - begin_s
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

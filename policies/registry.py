@@ -4,6 +4,7 @@ What a worker process is sent is the name; it loads the fighter itself.
 """
 
 import ast
+from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -48,6 +49,11 @@ def load(spec: str) -> BatchFactory:
     if spec in _installed():
         return _factory(spec, _loaded(_installed()[spec]))
     raise UnknownNameError("policy", spec, names())
+
+
+def load_entry(specs: Mapping[str, str], name: str) -> BatchFactory:
+    """Return the fighter behind an entry's name; a function of the module, so that workers can be sent it."""
+    return load(specs[name])
 
 
 def names() -> list[str]:

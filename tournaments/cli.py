@@ -12,7 +12,6 @@ from policies.cli import complete_policy
 
 if TYPE_CHECKING:
     from arena.game.ruleset import Ruleset
-    from arena.policy import BatchFactory
     from tournaments.fixture import Tally
     from tournaments.league import League
     from tournaments.report import Report
@@ -61,7 +60,7 @@ def play(
 
     from arena.game.keys import secret_from_seed
     from arena.referee.local import play as play_matches
-    from policies.registry import load
+    from policies.registry import load, load_entry
     from tournaments.fixture import plan_fixture, tally
 
     ruleset = _ruleset(rules, settings or [], board)
@@ -86,13 +85,6 @@ def play(
     for name, faults in result.faults.items():
         if faults.first_traceback:
             typer.echo(f"\n{name} first failed like this:\n{faults.first_traceback}", err=True)
-
-
-def load_entry(specs: dict[str, str], name: str) -> "BatchFactory":
-    """Return the fighter behind an entry's name; a function of the module, so that workers can be sent it."""
-    from policies.registry import load
-
-    return load(specs[name])
 
 
 def _entries(one: str, other: str) -> dict[str, str]:

@@ -7,7 +7,6 @@ loopback between them.
 import multiprocessing
 import os
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,14 +20,13 @@ from arena.errors import ArenaError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Ending, Team
 from arena.games import warm
-from arena.policy import BatchFactory
 from arena.referee.local import MatchPlan, MatchRecord
 from arena.referee.local import play as play_matches
 from arena.referee.match import SeatRecord, Terms
 from arena.referee.seating import PlannedSeating
 from arena.referee.service import Played, Referee
-from arena.transport import open_router
-from policies.registry import load
+from arena.transport import free_port, open_router
+from policies.registry import load_entry
 from tournaments.outcome import Outcome, SeatOutcome
 
 MOST_RESTARTS = 3
@@ -52,11 +50,6 @@ class Setting:
     journals: Path
 
 
-def load_entry(specs: Mapping[str, str], name: str) -> BatchFactory:
-    """Return the fighter behind an entry's name; a function of the module, so that workers can be sent it."""
-    return load(specs[name])
-
-
 def play_local(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
     """Play in this process and its workers, without a clock."""
     finder = partial(load_entry, dict(setting.entries))
@@ -75,7 +68,7 @@ def play_network(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outco
     if not plans:
         return
     setting.journals.mkdir(parents=True, exist_ok=True)
-    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     with ExitStack() as processes:
         referee = processes.enter_context(_RefereeProcess(setting, endpoint))
         referee.start(plans)
@@ -212,13 +205,6 @@ def _referee(said: Connection, endpoint: str, setting: Setting, plans: list[Matc
             referee.run(lambda: (seating.is_done and referee.n_running == 0) or os.getppid() != parent)
         finally:
             referee.close()
-
-
-def _free_port() -> int:
-    """Return a port of loopback that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def _of_record(record: MatchRecord) -> Outcome:
