@@ -19,7 +19,7 @@ from arena.game.keys import KEY_BYTES, MatchKeys, board_key, seat_keys, unit_key
 from arena.game.ruleset import Ruleset
 from arena.game.state import Fact, State, Tables, Trait, make_seen, make_state, make_tables
 from arena.game.types import FLAGS, UAVS, UGVS, Ending, Team
-from arena.observation import Observations
+from arena.observation import NO_CLOCK_MS, Observations
 
 WORK_SHAPE = (4, 32)
 _ENDING, _N_DIGESTED = int(Fact.ENDING), int(Fact.SCORE) + 1
@@ -125,7 +125,7 @@ class Games:
         return self._seen
 
     def observe(self) -> dict[Team, Observations]:
-        """Return what each team sees now, in memory that the next call overwrites."""
+        """Return what each team sees now, in memory that the next call overwrites; no clock runs, unless the caller sets it."""
         sense(self.state, self.tables, self._seat_keys, self._boards, self._rows, *self._told)
         return self._seen
 
@@ -178,6 +178,7 @@ class Games:
             ground=self._boards[team],
             cell=self.state.cell[:, own],
             alive=self.state.alive[:, own],
+            clock_ms=np.full(self.n_games, NO_CLOCK_MS, np.uint32),
             **self._told[team]._asdict(),
         )
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 Board = NDArray[np.int8]
 """int8, shape (side, side): one `Code` per cell."""
+NO_CLOCK_MS = 0xFFFFFFFF
+"""Stands where no clock runs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,6 +134,8 @@ class Observations:
     """Shape (n,): the own score."""
     seed: NDArray[np.uint64]
     """Shape (n,)."""
+    clock_ms: NDArray[np.uint32]
+    """Shape (n,): the extra time that the seat has left, or `NO_CLOCK_MS`."""
 
     def __len__(self) -> int:
         return len(self.tick)
@@ -142,11 +146,12 @@ class Observations:
             team=self.team, side=self.side, tick=self.tick[seats], ground=self.ground[seats], cell=self.cell[seats],
             alive=self.alive[seats], enemy_cell=self.enemy_cell[seats], enemy_flies=self.enemy_flies[seats],
             enemy_type=self.enemy_type[seats], living=self.living[seats], score=self.score[seats], seed=self.seed[seats],
+            clock_ms=self.clock_ms[seats],
         )  # fmt: skip
 
-    def seat(self, seat: int, ruleset: Ruleset, clock_s: float | None = None) -> Observation:
+    def seat(self, seat: int, ruleset: Ruleset) -> Observation:
         """Return a copy of one seat's observation as a bot gets it."""
-        side = self.side
+        side, clock_ms = self.side, int(self.clock_ms[seat])
         ground = self.ground[seat, : side * side].reshape(side, side).copy()
         ground.flags.writeable = False
         own = zip(ruleset.team(self.team), self.cell[seat].tolist(), self.alive[seat].tolist(), strict=True)
@@ -168,6 +173,6 @@ class Observations:
             ),
             living=(int(self.living[seat, 0]), int(self.living[seat, 1])),
             score=int(self.score[seat]),
-            clock_s=clock_s,
+            clock_s=None if clock_ms == NO_CLOCK_MS else clock_ms / 1000,
             seed=int(self.seed[seat]),
         )

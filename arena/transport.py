@@ -72,6 +72,12 @@ class Session:
         publisher = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
         return publisher.put, publisher.undeclare
 
+    def broadcast(self, key: str) -> "Broadcast":
+        """Return what publishes on `key`, and knows whether anybody listens."""
+        return Broadcast(
+            self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
+        )
+
     def subscribe(self, key: str, on_sample: Callable[[Sample], None]) -> Callable[[], None]:
         """Pass on every sample of `key`, on a thread of Zenoh's, so it may only be enqueued; return what ends it."""
         return self._session.declare_subscriber(key, Callback(on_sample, indirect=False)).undeclare
@@ -132,6 +138,20 @@ class Session:
             on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         return self._session.liveliness().declare_subscriber(key, Callback(changed, indirect=False), history=True).undeclare
+
+
+class Broadcast:
+    """A publisher for whoever listens; often that is nobody, and then nothing need be made to be sent."""
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        self.put: Put = publisher.put
+        self.end: Callable[[], None] = publisher.undeclare
+        self.is_heard: bool = False
+        self._listener = publisher.declare_matching_listener(Callback(self._on_change, indirect=False))
+        self.is_heard = self.is_heard or publisher.matching_status.matching
+
+    def _on_change(self, status: zenoh.MatchingStatus) -> None:
+        self.is_heard = status.matching
 
 
 class Collector:

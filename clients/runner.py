@@ -18,12 +18,12 @@ import numpy as np
 from arena.errors import LostPitError, RefusedError, UnreadableError
 from arena.game.ruleset import load as load_rules
 from arena.game.types import RULES_VERSION, Team
-from arena.observation import Observations
 from arena.policy import BatchFactory, BatchPolicy
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import Closed, JoinRequest, Message, Refusal, Ticket, Wait
 from arena.protocol.sealing import OpenSeal
+from arena.protocol.sight import Reader
 from arena.transport import Put, Sample, Session, open_client, read_payload
 from clients.seat import Seat
 
@@ -85,16 +85,10 @@ def warm(make: BatchFactory) -> None:
     if not (isinstance(make, type) and issubclass(make, BatchPolicy)):
         return
     ruleset = load_rules("paper")
-    own, enemy = len(ruleset.team(Team.BLUE)), len(ruleset.team(Team.RED))
-    nothing = Observations(
-        team=Team.BLUE, side=ruleset.side, tick=np.zeros(1, np.int32), ground=np.zeros((1, ruleset.side**2), np.int8),
-        cell=np.zeros((1, own), np.int16), alive=np.ones((1, own), np.uint8), enemy_cell=np.full((1, enemy), -1, np.int16),
-        enemy_flies=np.zeros((1, enemy), np.uint8), enemy_type=np.full((1, enemy), -1, np.int8),
-        living=np.array([[own, enemy]], np.int16), score=np.zeros(1, np.int16), seed=np.zeros(1, np.uint64),
-    )  # fmt: skip
+    nothing = Reader(ruleset, Team.BLUE).blank()
     policy = make(ruleset, Team.BLUE, 1)
     policy.start(np.zeros(1, np.intp))
-    policy.act(nothing, np.zeros((1, own), np.int8))
+    policy.act(nothing, np.zeros(nothing.cell.shape, np.int8))
 
 
 class Runner:

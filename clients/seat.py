@@ -105,7 +105,7 @@ class Seat:
             self._ask_policy(observation)
 
     def _ask_policy(self, data: bytes) -> None:
-        observations, _ = self._reader.read(data)
+        observations = self._reader.read(data)
         if int(observations.tick[0]) != self.known_ticks:
             raise UnreadableError(f"the observation is of tick {observations.tick[0]}, not {self.known_ticks}")
         self._orders[:] = 0

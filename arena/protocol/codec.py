@@ -12,13 +12,14 @@ from arena.protocol.messages import PROTOCOL_VERSION, Message
 MOST_BYTES = 60_000
 """No message is longer; what is longer is sent in pieces."""
 _KINDS: tuple[type, ...] = get_args(Message)
+_pack = msgpack.Packer().pack
 _NUMBERS = {kind: number for number, kind in enumerate(_KINDS)}
 
 
 def encode(message: Message) -> bytes:
     """Return the bytes of a message."""
     kind: type = type(message)
-    return bytes(msgpack.packb([PROTOCOL_VERSION, _NUMBERS[kind], *[getattr(message, name) for name, _ in _shape(kind)]]))
+    return bytes(_pack([PROTOCOL_VERSION, _NUMBERS[kind], *[getattr(message, name) for name, _ in _shape(kind)]]))
 
 
 def decode(data: bytes) -> Message:

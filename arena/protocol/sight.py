@@ -1,58 +1,31 @@
 """An observation as bytes of one length per ruleset: every field has a fixed width, so that a length tells nothing.
 
-    tick uint32 | clock uint32, milliseconds, all bits set where none runs | seed uint64 | own score int16 | own living,
-    enemy living int16 | ground int8 per cell | own cells int16 | own alive uint8 | enemy cells int16 | enemy types int8
+    seed uint64 | tick int32 | clock uint32, milliseconds, all bits set where none runs | own score int16 | own living,
+    enemy living int16 | own cells int16 | enemy cells int16 | enemy types int8 | own alive uint8 | ground int8 per cell
 
-Integers are little-endian. Enemies out of sight are -1 and -1, after those in sight.
+Integers are little-endian, each at a multiple of its width, so that a reader's arrays are views of the bytes. Enemies out of
+sight are -1 and -1, after those in sight.
 """
 
-import struct
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from arena.errors import UnreadableError
 from arena.game.ruleset import Ruleset
 from arena.game.types import FLAGS, HALVES, Code, Team
-from arena.observation import Observations
+from arena.observation import NO_CLOCK_MS, Observations
 
-_HEAD = struct.Struct("<IIQhhh")
-_NO_CLOCK = 0xFFFFFFFF
-_MOST_TICKS = 0x7FFFFFFF
 _CODES = bytes(code & 0xFF for code in (Code.HIDDEN, *HALVES, *FLAGS, Code.OBSTACLE))
 
 
-class _Layout(NamedTuple):
-    n_cells: int
-    n_own: int
-    n_enemy: int
-
-    @property
-    def n_bytes(self) -> int:
-        return _HEAD.size + self.n_cells + 3 * self.n_own + 3 * self.n_enemy
+def pack(observations: Observations, seat: int) -> bytes:
+    """Return the bytes of one seat's observation; who writes many keeps a `Writer`."""
+    return Writer(observations, seat).write()
 
 
-def pack(observations: Observations, seat: int, clock_s: float | None, n_cells: int) -> bytes:
-    """Return the bytes of one seat's observation."""
-    clock = _NO_CLOCK if clock_s is None else min(max(int(clock_s * 1000), 0), _NO_CLOCK - 1)
-    own, enemy = observations.living[seat].tolist()
-    head = _HEAD.pack(
-        int(observations.tick[seat]), clock, int(observations.seed[seat]), int(observations.score[seat]), own, enemy
-    )
-    return b"".join(
-        (
-            head,
-            observations.ground[seat, :n_cells].tobytes(),
-            observations.cell[seat].tobytes(),
-            observations.alive[seat].tobytes(),
-            observations.enemy_cell[seat].tobytes(),
-            observations.enemy_type[seat].tobytes(),
-        )
-    )
-
-
-def unpack(data: bytes, ruleset: Ruleset, team: Team) -> tuple[Observations, float | None]:
-    """Return the observation that `pack` wrote, as a batch of one, and the clock; who reads many keeps a `Reader`.
+def unpack(data: bytes, ruleset: Ruleset, team: Team) -> Observations:
+    """Return the observation that `pack` wrote, as a batch of one; who reads many keeps a `Reader`.
 
     Raises
     ------
@@ -62,60 +35,82 @@ def unpack(data: bytes, ruleset: Ruleset, team: Team) -> tuple[Observations, flo
     return Reader(ruleset, team).read(data)
 
 
+class Writer:
+    """Writes the observations of one seat, which its venue lays out in the same memory at every tick."""
+
+    def __init__(self, observations: Observations, seat: int) -> None:
+        seen = observations.select(slice(seat, seat + 1))
+        self._clock_ms = seen.clock_ms
+        fields = (
+            seen.seed, seen.tick, seen.clock_ms, seen.score, seen.living, seen.cell, seen.enemy_cell, seen.enemy_type, seen.alive,
+            seen.ground[:, : seen.side**2],
+        )  # fmt: skip
+        self._fields = [memoryview(field).cast("B") for field in fields if field.size]
+
+    def set_clock(self, bank_s: float) -> None:
+        """Say how much extra time the seat has left."""
+        self._clock_ms[0] = min(max(int(bank_s * 1000), 0), NO_CLOCK_MS - 1)
+
+    def write(self) -> bytes:
+        """Return the bytes of what the seat sees now."""
+        return b"".join(self._fields)
+
+
 class Reader:
-    """Reads the observations of one seat."""
+    """Reads the observations of one seat, each into the memory of the one before."""
 
     def __init__(self, ruleset: Ruleset, team: Team) -> None:
-        self._team, self._side = team, ruleset.side
-        self._layout = _Layout(ruleset.side**2, len(ruleset.team(team)), len(ruleset.team(team.other)))
+        n_own, n_enemy, self._n_cells = len(ruleset.team(team)), len(ruleset.team(team.other)), ruleset.side**2
+        layout: dict[str, tuple[Any, tuple[int, ...]]] = {
+            "seed": (np.uint64, (1,)),
+            "tick": (np.int32, (1,)),
+            "clock_ms": (np.uint32, (1,)),
+            "score": (np.int16, (1,)),
+            "living": (np.int16, (1, 2)),
+            "cell": (np.int16, (1, n_own)),
+            "enemy_cell": (np.int16, (1, n_enemy)),
+            "enemy_type": (np.int8, (1, n_enemy)),
+            "alive": (np.uint8, (1, n_own)),
+            "ground": (np.int8, (1, self._n_cells)),
+        }
+        counts = [int(np.prod(shape)) * np.dtype(kind).itemsize for kind, shape in layout.values()]
+        memory = np.zeros(sum(counts), np.uint8)
+        parts = np.split(memory, np.cumsum(counts)[:-1])
+        arrays = {name: part.view(kind).reshape(shape) for (name, (kind, shape)), part in zip(layout.items(), parts, strict=True)}
+        flies = np.zeros((1, n_enemy), np.uint8)
+        self._seen = Observations(team=team, side=ruleset.side, enemy_flies=flies, **arrays)
+        self._memory, self._n_kinds = memoryview(memory), len(ruleset.units)
         # Type -1, which is no unit, finds the last, which does not fly.
         self._flies = np.array([*(unit.flies for unit in ruleset.units), False], np.uint8)
 
-    def read(self, data: bytes) -> tuple[Observations, float | None]:
-        """Return what `pack` wrote; see `unpack`."""
-        layout = self._layout
-        if len(data) != layout.n_bytes:
-            raise UnreadableError(f"an observation has {layout.n_bytes} bytes under these rules, not {len(data)}")
-        tick, clock, seed, score, own, enemy = _HEAD.unpack_from(data)
-        at = _HEAD.size
-        if tick > _MOST_TICKS or data[at : at + layout.n_cells].translate(None, _CODES):
-            raise UnreadableError("an observation has a tick or a cell that no game has")
-        memory = bytearray(data)  # arrays that can be written to, as the local venue's: kernels are compiled for such
-        ground = np.frombuffer(memory, np.int8, layout.n_cells, at)
-        at += layout.n_cells
-        cell = np.frombuffer(memory, "<i2", layout.n_own, at)
-        at += 2 * layout.n_own
-        alive = np.frombuffer(memory, np.uint8, layout.n_own, at)
-        at += layout.n_own
-        enemy_cell = np.frombuffer(memory, "<i2", layout.n_enemy, at)
-        at += 2 * layout.n_enemy
-        enemy_type = np.frombuffer(memory, np.int8, layout.n_enemy, at)
-        self._check(cell.tolist(), alive.tolist(), enemy_cell.tolist(), enemy_type.tolist())
-        seen = Observations(
-            team=self._team,
-            side=self._side,
-            tick=np.array([tick], np.int32),
-            ground=ground[None],
-            cell=cell[None],
-            alive=alive[None],
-            enemy_cell=enemy_cell[None],
-            enemy_flies=self._flies[enemy_type][None],
-            enemy_type=enemy_type[None],
-            living=np.array([[own, enemy]], np.int16),
-            score=np.array([score], np.int16),
-            seed=np.array([seed], np.uint64),
-        )
-        return seen, None if clock == _NO_CLOCK else clock / 1000
+    def blank(self) -> Observations:
+        """Return the memory as it is before anything was read: a board that shows nothing."""
+        return self._seen
 
-    def _check(self, cell: list[int], alive: list[int], enemy_cell: list[int], enemy_type: list[int]) -> None:
+    def read(self, data: bytes) -> Observations:
+        """Return what `pack` wrote, in memory that the next call overwrites; see `unpack`."""
+        if len(data) != len(self._memory):
+            raise UnreadableError(f"an observation has {len(self._memory)} bytes under these rules, not {len(data)}")
+        if data[-self._n_cells :].translate(None, _CODES):
+            raise UnreadableError("an observation has a cell that no game has")
+        self._memory[:] = data
+        self._check()
+        seen = self._seen
+        self._flies.take(seen.enemy_type, out=seen.enemy_flies, mode="wrap")
+        return seen
+
+    def _check(self) -> None:
         """Refuse units where no unit can be: fighters index boards by them."""
-        n_cells, n_kinds = self._layout.n_cells, len(self._flies) - 1
+        seen = self._seen
+        cell, alive = seen.cell[0].tolist(), seen.alive[0].tolist()
+        enemy_cell, enemy_type = seen.enemy_cell[0].tolist(), seen.enemy_type[0].tolist()
         if (
-            min(cell, default=0) < 0
-            or max(cell, default=0) >= n_cells
+            int(seen.tick[0]) < 0
+            or min(cell, default=0) < 0
+            or max(cell, default=0) >= self._n_cells
             or max(alive, default=0) > 1
-            or max(enemy_cell, default=0) >= n_cells
-            or max(enemy_type, default=-1) >= n_kinds
+            or max(enemy_cell, default=0) >= self._n_cells
+            or max(enemy_type, default=-1) >= self._n_kinds
             or any(at < -1 or kind < -1 or (at < 0) != (kind < 0) for at, kind in zip(enemy_cell, enemy_type, strict=True))
         ):
-            raise UnreadableError("an observation has a unit that no game has")
+            raise UnreadableError("an observation has a tick or a unit that no game has")

@@ -14,9 +14,8 @@ from arena.errors import JournalError
 from arena.game.state import Fact
 from arena.game.types import Action, Ending, Team
 from arena.games import Games
-from arena.observation import Observations
 from arena.policy import MatchResult
-from arena.protocol.sight import pack
+from arena.protocol.sight import Writer
 from arena.referee.journal import Header, Journal, Mark, write_ending, write_start, write_tick
 from arena.referee.replay import match_result
 
@@ -135,7 +134,8 @@ class Match:
         self._shown: dict[Team, list[bytes]] = {team: [] for team in Team}
         ground, state = self._games.state.ground[0].tobytes(), self._games.digestible_of(0)
         self.start_record, self._chain = write_start(header, ground, state)
-        self._show(self._games.observe())
+        self._sights = {team: Writer(seen, 0) for team, seen in self._games.observe().items()}
+        self._show()
 
     @property
     def tick(self) -> int:
@@ -292,20 +292,20 @@ class Match:
         """Step, and return the tick's record."""
         orders = self._answers[Team.BLUE] + self._answers[Team.RED]
         self._orders[0] = np.frombuffer(orders, np.int8)
-        seen = self._games.play(self._orders)
+        self._games.play(self._orders)
         self._past.append(orders)
         marks = bytes((self._marks[Team.BLUE], self._marks[Team.RED]))
         record, self._chain = write_tick(self._chain, orders, marks, self._games.digestible_of(0))
         self._marks = {team: Mark(0) for team in Team}
-        self._show(seen)
+        self._show()
         return record
 
-    def _show(self, seen: dict[Team, Observations]) -> None:
+    def _show(self) -> None:
         """Lay up what each seat is to see of the tick that begins."""
-        cells = self.header.ruleset.side**2
-        for team, observations in seen.items():
-            clock_s = None if self.terms.turn_time_s is None else self._seats[team].bank_s
-            self._shown[team].append(pack(observations, 0, clock_s, cells))
+        for team, sight in self._sights.items():
+            if self.terms.turn_time_s is not None:
+                sight.set_clock(self._seats[team].bank_s)
+            self._shown[team].append(sight.write())
 
     def _ask_all(self, now_s: float) -> list[Event]:
         events: list[Event] = []

@@ -41,7 +41,7 @@ class Table:
         self.match = match
         self.id = sha256(match.header.identity.encode()).hexdigest()[:16]
         self._journal, self._fsync = journal, fsync
-        self._publish, self._end_publish = session.publisher(topics.public(pit, self.id))
+        self._public = session.broadcast(topics.public(pit, self.id))
         self.chairs: dict[Team, Chair] = {}
         for team, name in zip(Team, (match.header.blue, match.header.red), strict=True):
             put, end = session.publisher(topics.observation(pit, self.id, team))
@@ -77,8 +77,9 @@ class Table:
 
     def publish_facts(self) -> None:
         """Tell everyone what everyone may know of the tick."""
-        blue, red, score = self.match.facts
-        self._publish(encode(Facts(tick=self.match.tick, living=[blue, red], score=score)))
+        if self._public.is_heard:
+            blue, red, score = self.match.facts
+            self._public.put(encode(Facts(tick=self.match.tick, living=[blue, red], score=score)))
 
     def send_history(self, team: Team, known_ticks: int) -> None:
         """Send what a seat was shown before it came back, in pieces that fit a message."""
@@ -104,8 +105,8 @@ class Table:
         for team, chair in self.chairs.items():
             self._send(team, ended)
             chair.end()
-        self._publish(encode(ended))
-        self._end_publish()
+        self._public.put(encode(ended))
+        self._public.end()
         self.put_down()
 
     def put_down(self) -> None:

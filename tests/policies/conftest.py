@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from arena.game.ruleset import Ruleset
 from arena.game.types import FLAGS, HALVES, STEPS, Code, Team
-from arena.observation import Observations
+from arena.observation import NO_CLOCK_MS, Observations
 
 PADDING = 3
 """Cells past the board that mean nothing, as `Observations` allows."""
@@ -83,6 +83,7 @@ def gather(matches: Sequence[PretendedMatch]) -> Observations:
         living=np.array([[match.alive[t].sum() for t in (team, team.other)] for match in matches], np.int16),
         score=np.zeros(n, np.int16),
         seed=np.array([match.seed for match in matches], np.uint64),
+        clock_ms=np.full(n, NO_CLOCK_MS, np.uint32),
     )
     for seat, match in enumerate(matches):
         sight = match.sight()

@@ -18,6 +18,7 @@ from arena.game.state import Fact
 from arena.game.types import FLAGS, HALVES, Code, Ending, Team
 from arena.games import Games
 from arena.observation import EnemyUnit, Observation, Observations
+from arena.protocol.sight import pack
 
 Look = Callable[[Games, Team], tuple[Observations, Observation]]
 """What one team is told of row 0, as a batch sees it and as a bot does."""
@@ -196,12 +197,11 @@ def test_what_is_hidden_does_not_change_the_observation_under_any_rules(rules: R
 
 @given(rulesets(max_side=24), SEEDS)
 def test_what_is_hidden_does_not_change_the_bytes_on_the_wire(rules: Ruleset, seed: int) -> None:
-    sight = pytest.importorskip("arena.protocol.sight")
     games, team, rng = any_state(rules, seed)
 
     other = another_truth(games, team, rng).games
 
-    packed = [sight.pack(truth.observe()[team], 0, None, rules.side**2) for truth in (games, other)]
+    packed = [pack(truth.observe()[team], 0) for truth in (games, other)]
     assert packed[0] == packed[1]
 
 

@@ -12,7 +12,7 @@ from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team
 from arena.games import Games
 from arena.observation import Observations
-from arena.protocol.sight import pack, unpack
+from arena.protocol.sight import Writer, pack, unpack
 
 PAPER = load("paper")
 CLOCKS = st.none() | st.floats(0, 1e9, allow_nan=False)
@@ -41,8 +41,12 @@ def test_an_observation_comes_back_as_it_was(rules: Ruleset, seed: int, clock_s:
     games = any_game(rules, seed)
 
     for team, seen in games.observe().items():
-        back, clock = unpack(pack(seen, 0, clock_s, rules.side**2), rules, team)
+        sight = Writer(seen, 0)
+        if clock_s is not None:
+            sight.set_clock(clock_s)
+        back = unpack(sight.write(), rules, team)
         assert_equal(seen, back, rules.side**2)
+        clock = back.seat(0, rules).clock_s
         assert repr(seen.seat(0, rules).units) == repr(back.seat(0, rules).units)
         if clock_s is None:
             assert clock is None
@@ -61,7 +65,7 @@ def test_observations_of_whole_games_come_back_as_they_were(size: Callable[[int,
         for _ in range(size(30, 300)):
             for team, seen in games.observe().items():
                 for row in range(3):
-                    back, _ = unpack(pack(seen, row, 1.5, rules.side**2), rules, team)
+                    back = unpack(pack(seen, row), rules, team)
                     assert_equal(seen.select([row]), back, rules.side**2)
             games.step(rng.integers(-1, 6, (3, sum(games.n_units.values())), dtype=np.int8))
 
@@ -69,19 +73,18 @@ def test_observations_of_whole_games_come_back_as_they_were(size: Callable[[int,
 @given(rulesets(max_side=16), st.lists(SEEDS, min_size=2, max_size=6), CLOCKS)
 def test_all_observations_under_one_ruleset_have_one_length(rules: Ruleset, seeds: list[int], clock_s: float | None) -> None:
     for team in Team:
-        lengths = {
-            len(pack(any_game(rules, seed).observe()[team], 0, clock, rules.side**2))
-            for seed in seeds
-            for clock in (None, clock_s)
-        }
-        assert len(lengths) == 1
+        sights = [Writer(any_game(rules, seed).observe()[team], 0) for seed in seeds]
+        lengths = {len(sight.write()) for sight in sights}
+        if clock_s is not None:
+            sights[0].set_clock(clock_s)
+        assert lengths == {len(sights[0].write())}
 
 
 def test_a_policy_may_write_to_what_it_is_shown() -> None:
     """As in the local venue; kernels are compiled for it."""
     seen = any_game(PAPER, 1).observe()[Team.RED]
 
-    back, _ = unpack(pack(seen, 0, None, 400), PAPER, Team.RED)
+    back = unpack(pack(seen, 0), PAPER, Team.RED)
 
     for field in fields(Observations):
         array = getattr(back, field.name)
@@ -91,17 +94,17 @@ def test_a_policy_may_write_to_what_it_is_shown() -> None:
 def is_read_or_refused(data: bytes, rules: Ruleset, team: Team) -> None:
     """Unpack, let nothing but `UnreadableError` pass, and check that what is read can be used."""
     try:
-        seen, clock_s = unpack(data, rules, team)
+        seen = unpack(data, rules, team)
     except UnreadableError:
         return
-    seat = seen.seat(0, rules, clock_s)
+    seat = seen.seat(0, rules)
     assert seat.grid.shape == (rules.side, rules.side)
     assert seat.legal_actions.shape == (len(seat.units), 5)
 
 
 @given(rulesets(max_side=12), SEEDS, st.sampled_from(Team), st.data())
 def test_changed_bytes_are_an_observation_or_unreadable(rules: Ruleset, seed: int, team: Team, data: st.DataObject) -> None:
-    changed = bytearray(pack(any_game(rules, seed).observe()[team], 0, 1.0, rules.side**2))
+    changed = bytearray(pack(any_game(rules, seed).observe()[team], 0))
     for _ in range(data.draw(st.integers(1, 5))):
         changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
 
@@ -116,14 +119,14 @@ def test_random_bytes_are_unreadable(data: bytes, team: Team) -> None:
 
 @given(SEEDS)
 def test_random_bytes_of_the_right_length_are_unreadable(seed: int) -> None:
-    length = len(pack(any_game(PAPER, 1).observe()[Team.BLUE], 0, None, 400))
+    length = len(pack(any_game(PAPER, 1).observe()[Team.BLUE], 0))
 
     is_read_or_refused(np.random.default_rng(seed).bytes(length), PAPER, Team.BLUE)
 
 
 @pytest.mark.parametrize("change", [-1, 1])
 def test_another_length_is_refused_with_both(change: int) -> None:
-    data = pack(any_game(PAPER, 1).observe()[Team.BLUE], 0, None, 400)
+    data = pack(any_game(PAPER, 1).observe()[Team.BLUE], 0)
     other = data[:change] if change < 0 else data + b"\0"
 
     with pytest.raises(UnreadableError, match=f"an observation has {len(data)} bytes under these rules, not {len(other)}"):

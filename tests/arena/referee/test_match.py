@@ -66,7 +66,7 @@ class Table:
     def clock_s(self, team: Team) -> float | None:
         """Return the clock that a team was shown last."""
         shown = [event for event in self.events if isinstance(event, Ask) and event.team is team][-1]
-        return unpack(shown.observation, self.match.header.ruleset, team)[1]
+        return unpack(shown.observation, self.match.header.ruleset, team).seat(0, self.match.header.ruleset).clock_s
 
     def cells(self) -> list[int]:
         return [int(cell) for team in Team for cell in self.match._games.observe()[team].cell[0]]
