@@ -74,9 +74,7 @@ class Session:
 
     def broadcast(self, key: str) -> "Broadcast":
         """Return what publishes on `key`, and knows whether anybody listens."""
-        return Broadcast(
-            self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
-        )
+        return Broadcast(self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK, express=True))
 
     def subscribe(self, key: str, on_sample: Callable[[Sample], None]) -> Callable[[], None]:
         """Pass on every sample of `key`, on a thread of Zenoh's, so it may only be enqueued; return what ends it."""
@@ -148,7 +146,7 @@ class Broadcast:
         self.end: Callable[[], None] = publisher.undeclare
         self.is_heard: bool = False
         self._listener = publisher.declare_matching_listener(Callback(self._on_change, indirect=False))
-        self.is_heard = self.is_heard or publisher.matching_status.matching
+        self.is_heard = self.is_heard or publisher.matching_status.matching  # type: ignore[attr-defined]  # Zenoh types it as bool
 
     def _on_change(self, status: zenoh.MatchingStatus) -> None:
         self.is_heard = status.matching
@@ -162,11 +160,17 @@ class Collector:
         """Return the next sample, however long it takes."""
         self.take: Callable[[], Sample | None] = subscriber.try_recv
         """Return the next sample that is there, or None."""
+        self.end: Callable[[], None] = subscriber.undeclare
 
 
 def read_key(sample: Sample) -> str:
     """Return the key of a sample."""
     return str(sample.key_expr)
+
+
+def is_beat(sample: Sample) -> bool:
+    """Whether a sample is of `Session.beat`, or as empty as one."""
+    return len(sample.payload) == 0
 
 
 def read_payload(sample: Sample) -> bytes:

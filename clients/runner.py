@@ -11,7 +11,9 @@ import uuid
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from queue import Empty, SimpleQueue
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +26,7 @@ from arena.protocol.codec import decode, encode
 from arena.protocol.messages import Closed, JoinRequest, Message, Refusal, Ticket, Wait
 from arena.protocol.sealing import OpenSeal
 from arena.protocol.sight import Reader
-from arena.transport import Put, Sample, Session, open_client, read_payload
+from arena.transport import Collector, Put, Sample, Session, is_beat, open_client, read_payload
 from clients.seat import Seat
 
 logger = logging.getLogger(__name__)
@@ -66,6 +68,7 @@ class _Slot:
         self.number = number
         self.seat: Seat | None = None
         self.put: Put | None = None
+        self.ears: Collector | None = None
         self.leave = ExitStack()
         self.seal = OpenSeal()
         self.is_done = False
@@ -76,8 +79,17 @@ class _Slot:
 
     def free(self) -> None:
         """Let go of the seat."""
+        self.fall_silent()
+        self.seat = None
+
+    def fall_silent(self) -> None:
+        """Leave the seat's keys; the seat itself may be taken up on another connection."""
         self.leave.close()
-        self.seat, self.put = None, None
+        self.put, self.ears = None, None
+
+
+_Heard = tuple[Callable[[_Slot, Any], None], _Slot, Any]
+"""What is to be done with it, whose it is, and what it is."""
 
 
 def warm(make: BatchFactory) -> None:
@@ -106,7 +118,7 @@ class Runner:
         self._on_seat, self._on_end, self._on_wait = on_seat, on_end, on_wait
         self._client = uuid.uuid4().hex
         self._slots = [_Slot(number) for number in range(settings.n_slots)]
-        self._inbox: SimpleQueue[tuple[int, bytes | Sample]] = SimpleQueue()
+        self._inbox: SimpleQueue[_Heard] = SimpleQueue()
         self._n_begun = self._n_ended = self._n_heard = 0
         self._is_stopping = False
 
@@ -158,8 +170,8 @@ class Runner:
         settings = self._settings
         session.declare_presence(topics.presence(settings.pit, settings.name, self._client))
         for slot in self._slots:
-            slot.leave.close()
-            slot.put, slot.asked_at_s = None, None
+            slot.fall_silent()
+            slot.asked_at_s = None
         checked_at_s = 0.0
         try:
             while not self._is_done():
@@ -169,27 +181,28 @@ class Runner:
                     if not session.is_connected() or not self._keep_asking(session, now_s):
                         return
                 try:
-                    number, heard = self._inbox.get(timeout=_TICK_S)
+                    handle, slot, heard = self._wait()
                 except Empty:
                     continue
-                slot = self._slots[number]
-                if heard == b"":
-                    self._on_silence(slot)
-                    continue
-                if isinstance(heard, bytes):
-                    self._on_answer(session, slot, heard)
-                else:
-                    self._on_turn(slot, read_payload(heard))
+                handle(slot, heard)
                 if slot.seat is None:
                     checked_at_s = 0.0  # ask again at once
         finally:
             for slot in self._slots:
-                slot.leave.close()
+                slot.fall_silent()
 
-    def _hear(self, number: int, heard: bytes | Sample) -> None:
-        """Enqueue, on a thread of Zenoh's; what comes beyond the bound is asked for again."""
+    def _wait(self) -> _Heard:
+        """Return what is heard next; raise `Empty` after about `_TICK_S`."""
+        slot = self._slots[0]
+        if slot.ears is None:
+            return self._inbox.get(timeout=_TICK_S)
+        sample = slot.ears.wait()
+        return self._inbox.get_nowait() if is_beat(sample) else (self._on_turn, slot, sample)
+
+    def _enqueue(self, handle: Callable[[_Slot, Any], None], slot: _Slot, heard: Any) -> None:
+        """Leave what was heard for the one thread, on one of Zenoh's; what comes beyond the bound is asked for again."""
         if self._inbox.qsize() < MOST_WAITING:
-            self._inbox.put((number, heard))
+            self._inbox.put((handle, slot, heard))
 
     def _on_silence(self, slot: _Slot) -> None:
         """Ask again a little later: a pit that opens has its router before its ears. In the end, give the pit up."""
@@ -220,10 +233,13 @@ class Runner:
             rules_hash=settings.rules_hash, match="" if slot.seat is None else slot.seat.ticket.match,
         )  # fmt: skip
         slot.asked_at_s, slot.ask_limit_s = now_s, ANSWER_S if slot.seat is None else PROBE_S
-        number = slot.number
-        session.ask(topics.join(settings.pit), encode(request), lambda data: self._hear(number, data), slot.ask_limit_s)
+        answered = partial(self._enqueue, partial(self._on_answer, session), slot)
+        session.ask(topics.join(settings.pit), encode(request), answered, slot.ask_limit_s)
 
     def _on_answer(self, session: Session, slot: _Slot, payload: bytes) -> None:
+        if not payload:
+            self._on_silence(slot)
+            return
         slot.asked_at_s, slot.n_unanswered = None, 0
         slot.heard_at_s = time.monotonic()
         self._n_heard += 1
@@ -253,15 +269,23 @@ class Runner:
             self._n_begun += 1
             self._on_seat(slot.seat)
         if slot.put is None:
-            pit, team, number = self._settings.pit, slot.seat.team, slot.number
+            pit, team = self._settings.pit, slot.seat.team
             slot.put, end = session.publisher(topics.action(pit, ticket.match, team))
             slot.leave.callback(end)
-            slot.leave.callback(
-                session.subscribe(topics.observation(pit, ticket.match, team), lambda sample: self._hear(number, sample))
-            )
+            self._listen(session, slot, topics.observation(pit, ticket.match, team))
         slot.put(slot.seal.close(encode(slot.seat.ready())))
 
-    def _on_turn(self, slot: _Slot, payload: bytes) -> None:
+    def _listen(self, session: Session, slot: _Slot, key: str) -> None:
+        """Hear the referee: a single seat outside Python, which spares each turn a tenth of its time; several by callbacks."""
+        if len(self._slots) > 1:
+            slot.leave.callback(session.subscribe(key, partial(self._enqueue, self._on_turn, slot)))
+            return
+        slot.ears = session.collect(key, MOST_WAITING)
+        slot.leave.callback(slot.ears.end)
+        slot.leave.callback(session.beat(key, _TICK_S))
+
+    def _on_turn(self, slot: _Slot, sample: Sample) -> None:
+        payload = read_payload(sample)
         if slot.seat is None or slot.put is None:
             return
         try:

@@ -45,7 +45,7 @@ class Writer:
             seen.seed, seen.tick, seen.clock_ms, seen.score, seen.living, seen.cell, seen.enemy_cell, seen.enemy_type, seen.alive,
             seen.ground[:, : seen.side**2],
         )  # fmt: skip
-        self._fields = [memoryview(field).cast("B") for field in fields if field.size]
+        self._fields = [field.data.cast("B") for field in fields if field.size]
 
     def set_clock(self, bank_s: float) -> None:
         """Say how much extra time the seat has left."""
@@ -79,7 +79,8 @@ class Reader:
         arrays = {name: part.view(kind).reshape(shape) for (name, (kind, shape)), part in zip(layout.items(), parts, strict=True)}
         flies = np.zeros((1, n_enemy), np.uint8)
         self._seen = Observations(team=team, side=ruleset.side, enemy_flies=flies, **arrays)
-        self._memory, self._n_kinds = memoryview(memory), len(ruleset.units)
+        self._nobody = [-1] * n_enemy
+        self._memory, self._n_kinds = memory.data, len(ruleset.units)
         # Type -1, which is no unit, finds the last, which does not fly.
         self._flies = np.array([*(unit.flies for unit in ruleset.units), False], np.uint8)
 
@@ -109,8 +110,13 @@ class Reader:
             or min(cell, default=0) < 0
             or max(cell, default=0) >= self._n_cells
             or max(alive, default=0) > 1
-            or max(enemy_cell, default=0) >= self._n_cells
-            or max(enemy_type, default=-1) >= self._n_kinds
-            or any(at < -1 or kind < -1 or (at < 0) != (kind < 0) for at, kind in zip(enemy_cell, enemy_type, strict=True))
+            or ((enemy_cell != self._nobody or enemy_type != self._nobody) and not self._can_be(enemy_cell, enemy_type))
         ):
             raise UnreadableError("an observation has a tick or a unit that no game has")
+
+    def _can_be(self, cells: list[int], kinds: list[int]) -> bool:
+        """Whether enemies have a type and a place on the board, or neither."""
+        places = range(self._n_cells)
+        return all(
+            (at == kind == -1) or (at in places and 0 <= kind < self._n_kinds) for at, kind in zip(cells, kinds, strict=True)
+        )

@@ -22,6 +22,9 @@ from arena.transport import open_router
 _DRAIN_S = 8.0
 """How long running matches may go on after the pit was told to stop; what is left then can be resumed."""
 
+_FAREWELL_S = 2.0
+"""How long the pit stays after its last match, for clients to hear that it is over."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PitSettings:
@@ -43,6 +46,7 @@ class Pit:
     def __init__(self, settings: PitSettings) -> None:
         self._settings = settings
         self._stopped_at_s: float | None = None
+        self._done_at_s: float | None = None
         self._referee: Referee | None = None
         self._numbers = count(_next_number(settings.journals, settings.address.pit))
         self._seating = OpenSeating(self._make_plan, settings.n_matches)
@@ -73,9 +77,13 @@ class Pit:
                 referee.close()
 
     def _is_over(self, referee: Referee) -> bool:
-        if self._stopped_at_s is not None and time.monotonic() - self._stopped_at_s > _DRAIN_S:
+        now_s = time.monotonic()
+        if self._stopped_at_s is not None and now_s - self._stopped_at_s > _DRAIN_S:
             return True
-        return self._seating.is_done and referee.n_running == 0
+        if not self._seating.is_done or referee.n_running:
+            return False
+        self._done_at_s = self._done_at_s or now_s
+        return referee.is_deserted or now_s - self._done_at_s > _FAREWELL_S
 
     def _make_plan(self, blue: str, red: str) -> MatchPlan:
         """Plan a match of its own: no map is played twice here, since whoever comes may remember."""

@@ -93,6 +93,7 @@ class Referee:
         self._tables: dict[str, Table] = {}
         self._held: dict[SeatId, tuple[str, Team]] = {}
         self._guests: dict[SeatId, _Guest] = {}
+        self._present: set[str] = set()
         self._is_stopping = False
         self.n_dropped = 0
         self._n_begun = 0
@@ -112,6 +113,11 @@ class Referee:
     def matches(self) -> list[Match]:
         """The matches that are not over, in the order of their beginning."""
         return [table.match for table in self._tables.values()]
+
+    @property
+    def is_deserted(self) -> bool:
+        """Whether no client is there, as far as they say so."""
+        return not self._present
 
     def _enqueue(self, handle: Callable[..., None]) -> Callable[..., None]:
         """Return a callback that leaves its arguments for the one thread."""
@@ -171,7 +177,10 @@ class Referee:
     def _on_presence(self, key: str, is_there: bool) -> None:
         client = topics.read_presence(key)
         if is_there:
+            if len(self._present) < MOST_GUESTS:
+                self._present.add(client)
             return
+        self._present.discard(client)
         now_s = time.monotonic()
         for seat in [seat for seat in self._guests if seat[0] == client]:
             self._forget_guest(seat)
@@ -241,10 +250,8 @@ class Referee:
             question.answer(encode(answer))
 
     def _on_lobby(self, question: Question) -> None:
-        running = [
-            {"match": table.id, "blue": table.match.header.blue, "red": table.match.header.red, "tick": table.match.tick}
-            for table in self._tables.values()
-        ]
+        matches = [(table.id, table.match) for table in self._tables.values()]
+        running = [{"match": id, "blue": m.header.blue, "red": m.header.red, "tick": m.tick} for id, m in matches]
         lobby = Lobby(
             pit=self._pit,
             rules=self._ruleset.name,

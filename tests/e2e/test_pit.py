@@ -71,6 +71,15 @@ def test_a_match_ends_in_a_result_in_all_three_terminals(serve: Start, join: Sta
     assert (journal.header.blue, journal.header.red) == ("roomba", "rush")
 
 
+def test_clients_that_play_on_and_on_hear_that_the_pit_has_closed(serve: Start, join: Start) -> None:
+    pit = serve("--matches", 2)
+    clients = [join("--team", team, "--policy", "rush", "--forever", "--patience", 20) for team in ("red", "blue")]
+
+    assert [process.finish() for process in (*clients, pit)] == [0, 0, 0]
+    for client in clients:
+        assert "no more: the pit begins no more matches" in client.said
+
+
 def test_what_cannot_be_is_said_in_one_sentence(serve: Start, join: Start, start: Start, port: int, tmp_path: Path) -> None:
     serve()
     waiting = join("--team", "red", "--policy", "rush").wait_for("rush waits for an opponent")
