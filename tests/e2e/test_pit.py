@@ -169,6 +169,23 @@ def test_a_pit_that_is_told_to_stop_lets_its_match_end_and_sends_guests_home(ser
     assert len(journals(tmp_path)) == 1
 
 
+def test_a_match_that_outlasts_a_stopped_pit_is_finished_by_the_next(serve: Start, join: Start, tmp_path: Path) -> None:
+    pit = serve("--turn-time", 60)
+    bot = write_bot(tmp_path, stop_at=3)
+    players = [join("--team", "red", "--policy", "rush"), join("--team", "blue", "--policy", bot).wait_for("thinking at 3")]
+
+    pit.send(signal.SIGTERM)
+    assert pit.finish() == 0
+    (tmp_path / "go").touch()
+    pit = serve("--turn-time", 60).wait_for("1 unfinished matches wait for their seats to come back")
+    assert [process.finish() for process in players] == [0, 0]
+    pit.send(signal.SIGTERM)
+
+    assert pit.finish() == 0
+    (journal,) = journals(tmp_path)
+    assert asked(tmp_path, players[1]) == list(range(len(journal.ticks)))
+
+
 def test_a_match_whose_clients_were_both_killed_ends_by_rule(serve: Start, join: Start, tmp_path: Path) -> None:
     pit = serve("--matches", 1, "--grace", 3, "--turn-time", 60)
     bot = write_bot(tmp_path, stop_at=3)
