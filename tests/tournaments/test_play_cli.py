@@ -246,7 +246,9 @@ def begin_slow_matches(bot: Callable[..., Path], workers: int) -> subprocess.Pop
         "import sys, threading\n\ndef act(observation):\n"
         "    print('thinking', file=sys.stderr, flush=True)\n    threading.Event().wait(0.2)\n    return []\n"
     )
-    command = [*ARENA, "play", str(path), "random", "--pairs", "500", "--workers", str(workers)]
+    # A shell that runs these tests in the background has its children ignore interrupts.
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from arena.cli import main; main()"
+    command = [sys.executable, "-c", code, "play", str(path), "random", "--pairs", "500", "--workers", str(workers)]
     playing = subprocess.Popen(command, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert playing.stderr is not None
     for line in playing.stderr:
