@@ -1,13 +1,15 @@
-"""Where a pit is: `arena://HOST:PORT/PIT`, as `arena serve` prints it and `arena join` takes it."""
+"""Where a pit is: `arena://HOST:PORT/PIT#PUBLICKEY`, or `arena+tls://`, as `arena serve` prints it and `arena join` takes it."""
 
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from arena.errors import InputError
+from arena.protocol.identity import from_text
 from arena.protocol.topics import check_chunk
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 DEFAULT_PIT = "pit"
+_PROTOCOLS = {"arena": "tcp", "arena+tls": "tls"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,14 +19,19 @@ class Address:
     endpoint: str = DEFAULT_ENDPOINT
     """As Zenoh writes it: tcp/HOST:PORT."""
     pit: str = DEFAULT_PIT
+    fingerprint: str = ""
+    """The pit's public key; without it, whoever answers first is believed."""
 
     def __str__(self) -> str:
-        return f"arena://{self.endpoint.partition('/')[2]}/{self.pit}"
+        protocol, _, where = self.endpoint.partition("/")
+        scheme = "arena+tls" if protocol == "tls" else "arena"
+        return f"{scheme}://{where}/{self.pit}{'#' if self.fingerprint else ''}{self.fingerprint}"
 
 
 def parse_address(text: str) -> Address:
     """Read an address, or a bare Zenoh endpoint such as tcp/127.0.0.1:7447."""
-    if not text.startswith("arena://"):
+    scheme, colon, _ = text.partition("://")
+    if not colon or scheme not in _PROTOCOLS:
         protocol, slash, rest = text.partition("/")
         if not slash or not rest or protocol not in ("tcp", "tls", "quic", "unixsock-stream", "ws", "udp"):
             raise InputError(f"{text!r} is no address; write arena://HOST:PORT/PIT or tcp/HOST:PORT")
@@ -35,6 +42,12 @@ def parse_address(text: str) -> Address:
     except ValueError as error:
         raise InputError(f"{text!r} has a host or a port that is none") from error
     if not parts.hostname or port is None:
-        raise InputError(f"{text!r} lacks a host or a port; write arena://HOST:PORT/PIT")
+        raise InputError(f"{text!r} lacks a host or a port; write {scheme}://HOST:PORT/PIT")
+    if parts.fragment:
+        from_text(parts.fragment)
     host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
-    return Address(endpoint=f"tcp/{host}:{port}", pit=check_chunk("the pit's name", parts.path.strip("/") or DEFAULT_PIT))
+    return Address(
+        endpoint=f"{_PROTOCOLS[scheme]}/{host}:{port}",
+        pit=check_chunk("the pit's name", parts.path.strip("/") or DEFAULT_PIT),
+        fingerprint=parts.fragment,
+    )

@@ -6,9 +6,11 @@ ArenaError                  exit 1: the arena says no
 │   ├── RulesetError        a ruleset that cannot be played
 │   ├── BoardError          a board that cannot be played
 │   ├── PolicyError         a bot file, or a policy, that cannot be loaded
-│   └── JournalError        a journal that cannot be read as one
+│   ├── JournalError        a journal that cannot be read as one
+│   └── KeyFileError        a key file that cannot be used, or a pit whose key is another than before
 ├── ProtocolError           the other side's fault: ruled on, recorded, played on
-│   └── UnreadableError     bytes that are no message
+│   ├── UnreadableError     bytes that are no message
+│   └── ForgedError         sealed or signed by another, changed, moved, or said before
 ├── RefusedError            the pit does not let this client play
 └── LostPitError            the pit cannot be reached
 """
@@ -56,12 +58,20 @@ class JournalError(InputError):
     """A journal is truncated, or was changed."""
 
 
+class KeyFileError(InputError):
+    """A key cannot be used, and nothing was written over it."""
+
+
 class ProtocolError(ArenaError):
     """The other side said something that the protocol does not allow."""
 
 
 class UnreadableError(ProtocolError):
     """Bytes that are no message of this version."""
+
+
+class ForgedError(ProtocolError):
+    """A seal or a signature that does not hold."""
 
 
 class RefusedError(ArenaError):

@@ -1,13 +1,17 @@
 """Zenoh, and nothing else of ours knows it: a session, its publishers, and callbacks that only pass bytes on.
 
 Set as measured on 1.10: congestion control BLOCK, since DROP lost turns under load; a peer that does not read is waited for
-50 ms and then cut off, since it held `put` for 5 s; no scouting, so that nobody meets by accident.
+50 ms and then cut off, since it held `put` for 5 s; no scouting, so that nobody meets by accident; no shared memory, by which
+10 MB from the same machine got past the bound on the size of messages.
 """
 
 import json
 import socket
+import ssl
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
 from threading import Event, Thread
 from types import TracebackType
 from typing import Any
@@ -16,6 +20,7 @@ import zenoh
 from zenoh.handlers import Callback, RingChannel
 
 from arena.errors import InputError, LostPitError
+from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES
 
 Put = Callable[[bytes], None]
@@ -25,6 +30,8 @@ _WAIT_BEFORE_CLOSE_US = 50_000
 _BATCHES = 16
 """In the queue of each peer: the most that Zenoh allows, so that a peer that waits for a busy core is not cut off."""
 _OPEN_TIMEOUT_MS = 3_000
+_MOST_WIRE_BYTES = MOST_BYTES + 4_000
+"""Of a message and its frame, put together from fragments; a longer one is dropped, and its sender stays connected."""
 
 
 class Question:
@@ -32,12 +39,18 @@ class Question:
 
     def __init__(self, query: zenoh.Query, key: str) -> None:
         self._query, self._key = query, key
+        self.key = str(query.key_expr)
+        """What was asked for; where many keys are answered, one of them, or an expression."""
         self.payload = _bytes(query.payload) if query.payload is not None else b""
 
     def answer(self, payload: bytes) -> None:
         """Answer, and be done with it."""
         with suppress(zenoh.ZError):  # whoever asked may be gone
-            self._query.reply(self._key, payload, express=True)
+            self._query.reply(self.key if "*" in self._key else self._key, payload, express=True)
+        self._query.drop()
+
+    def drop(self) -> None:
+        """Leave it without an answer."""
         self._query.drop()
 
 
@@ -190,18 +203,114 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def open_router(endpoint: str) -> Session:
-    """Listen at an endpoint such as tcp/127.0.0.1:7447, as the router that clients connect to."""
-    return _open("router", {"listen/endpoints": [endpoint]}, f"cannot listen at {endpoint}")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certificate:
+    """What a pit shows to those who connect by TLS: two PEM files."""
+
+    certificate: Path
+    """The chain, the pit's own certificate first; its names must hold the host that clients connect to."""
+    key: Path
+    """The private key, without a password."""
 
 
-def open_client(endpoint: str) -> Session:
-    """Connect to the router at an endpoint."""
-    return _open(
-        "client",
-        {"connect/endpoints": [endpoint], "connect/timeout_ms": _OPEN_TIMEOUT_MS, "connect/exit_on_failure": True},
-        f"no pit answers at {endpoint}",
-    )
+def open_router(endpoint: str, pit: str | None = None, certificate: Certificate | None = None) -> Session:
+    """Listen at an endpoint such as tcp/127.0.0.1:7447, as the router that clients connect to.
+
+    Parameters
+    ----------
+    endpoint
+        One that begins with tls/ or quic/ needs a certificate, and no other takes one.
+    pit
+        Clients may do what a player of this pit does, and nothing else. The session that is returned may do anything.
+    """
+    settings: dict[str, Any] = {"listen/endpoints": [endpoint], "transport/link/rx/max_message_size": _MOST_WIRE_BYTES}
+    if _is_encrypted(endpoint) != (certificate is not None):
+        raise InputError(f"cannot listen at {endpoint}: tls/ needs a certificate and its key, and tcp/ takes none")
+    if certificate is not None:
+        _check_certificate(certificate)
+        settings["transport/link/tls/listen_certificate"] = str(certificate.certificate)
+        settings["transport/link/tls/listen_private_key"] = str(certificate.key)
+    if pit is not None:
+        settings["access_control"] = _access_rules(pit)
+    return _open("router", settings, f"cannot listen at {endpoint}")
+
+
+def open_client(endpoint: str, ca: Path | None = None) -> Session:
+    """Connect to the router at an endpoint.
+
+    Parameters
+    ----------
+    ca
+        For tls/ and quic/: a PEM file of the certificates to trust, such as the pit's own; without it, those that the web trusts.
+    """
+    settings = {"connect/endpoints": [endpoint], "connect/timeout_ms": _OPEN_TIMEOUT_MS, "connect/exit_on_failure": True}
+    if ca is not None:
+        if not _is_encrypted(endpoint):
+            raise InputError(f"{endpoint} is not encrypted, so nothing there can be checked with {ca}")
+        _check_authority(ca)
+        settings["transport/link/tls/root_ca_certificate"] = str(ca)
+    stranger = " with a certificate that we trust" if _is_encrypted(endpoint) else ""
+    return _open("client", settings, f"no pit answers at {endpoint}{stranger}")
+
+
+def _is_encrypted(endpoint: str) -> bool:
+    return endpoint.startswith(("tls/", "quic/"))
+
+
+def _check_certificate(given: Certificate) -> None:
+    """Refuse what Zenoh would refuse without a word that helps."""
+    for path in (given.certificate, given.key):
+        _check_readable(path)
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(given.certificate, given.key, password="")
+    except ssl.SSLError as error:
+        why = "the key belongs to another certificate" if error.reason == "KEY_VALUES_MISMATCH" else "they must be PEM files"
+        raise InputError(f"{given.certificate} and {given.key} are no certificate and its private key: {why}") from error
+
+
+def _check_authority(path: Path) -> None:
+    """Refuse what Zenoh would take for a pit that does not answer."""
+    _check_readable(path)
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_verify_locations(path)
+    except ssl.SSLError as error:
+        raise InputError(f"{path} holds no certificate; it must be a PEM file") from error
+
+
+def _check_readable(path: Path) -> None:
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from error
+
+
+def _access_rules(pit: str) -> dict[str, Any]:
+    """Return the rules for whoever connects: what is not allowed here is denied.
+
+    A key expression is allowed where a rule's includes all of it, so `**` is refused as a whole. What leaves the router must be
+    allowed too: a client that has not heard that somebody subscribes to its publisher's key sends nothing.
+    """
+    asked = [topics.join(pit), topics.lobby(pit), topics.all_journals(pit)]
+    told = [topics.all_observations(pit), topics.all_public(pit), topics.all_truths(pit)]
+    allowed = {
+        "ask": ("ingress", ["query"], asked),
+        "be answered": ("egress", ["declare_queryable", "reply"], asked),
+        "act": ("ingress", ["put"], [topics.all_actions(pit)]),
+        "be listened to": ("egress", ["declare_subscriber"], [topics.all_actions(pit)]),
+        "listen": ("ingress", ["declare_subscriber"], told),
+        "be told": ("egress", ["put"], told),
+        "be present": ("ingress", ["liveliness_token"], [topics.all_presence(pit)]),
+    }
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [
+            {"id": what, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
+            for what, (flow, messages, keys) in allowed.items()
+        ],
+        "subjects": [{"id": "whoever connects"}],
+        "policies": [{"rules": list(allowed), "subjects": ["whoever connects"]}],
+    }
 
 
 def _open(mode: str, settings: dict[str, Any], failure: str) -> Session:
@@ -212,6 +321,7 @@ def _open(mode: str, settings: dict[str, Any], failure: str) -> Session:
         "scouting/gossip/enabled": False,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": _WAIT_BEFORE_CLOSE_US,
         "transport/link/tx/queue/size/data": _BATCHES,
+        "transport/shared_memory/enabled": False,
         "adminspace/enabled": False,
     }
     try:

@@ -24,10 +24,12 @@ from arena.game.types import Team
 from arena.games import warm
 from arena.observation import Observations
 from arena.policy import BatchPolicy, Orders
+from arena.protocol.identity import Identity
 from arena.referee.local import MatchPlan
 from arena.referee.match import Terms
 from arena.referee.seating import PlannedSeating
 from arena.referee.service import Referee
+from arena.referee.table import House
 from arena.transport import free_port, open_router
 from clients.runner import Runner, Settings
 
@@ -80,10 +82,9 @@ def _measure(n_matches: int, seats_per_process: int) -> dict[str, float]:
     warm(ruleset)
     context = multiprocessing.get_context("spawn")
     n_processes = 2 * n_matches // seats_per_process
-    with tempfile.TemporaryDirectory() as folder, open_router(endpoint) as session:
-        referee = Referee(
-            session, "bench", ruleset, PlannedSeating(plans), Terms(turn_time_s=60.0), Path(folder), on_end=lambda _: None
-        )
+    with tempfile.TemporaryDirectory() as folder, open_router(endpoint, "bench") as session:
+        house = House(session=session, pit="bench", identity=Identity.make())
+        referee = Referee(house, ruleset, PlannedSeating(plans), Terms(turn_time_s=60.0), Path(folder), on_end=lambda _: None)
         clients = [context.Process(target=_play, args=(endpoint, seats_per_process), daemon=True) for _ in range(n_processes)]
         for client in clients:
             client.start()

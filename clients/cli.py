@@ -1,6 +1,7 @@
 """The sub-command of those who play over the network: `arena join`."""
 
 import signal
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,6 +11,8 @@ from arena.errors import InputError, PolicyError
 from policies.cli import complete_policy
 
 if TYPE_CHECKING:
+    from arena.address import Address
+    from clients.audit import Verdict
     from clients.seat import Seat
 
 
@@ -24,30 +27,44 @@ def join(
     slots: Annotated[int, typer.Option(min=1, max=256, help="Seats to hold at once.")] = 1,
     patience: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="How long to look for a pit that is lost.")] = 60,
     rules: Annotated[str, typer.Option(help="Refuse to play any ruleset but this.")] = "",
+    invite: Annotated[str, typer.Option(metavar="CODE", help="For a pit that wants one.")] = "",
+    key: Annotated[Path | None, typer.Option(metavar="FILE", help="The entry's key; that of its name without it.")] = None,
+    authority: Annotated[Path | None, typer.Option(metavar="FILE", help="Who vouches for the pit's certificate (PEM).")] = None,
+    audit: Annotated[bool, typer.Option(help="Check each match's journal once it may be seen.")] = True,
+    transcripts: Annotated[bool, typer.Option(help="Keep what each seat was shown, for `arena replay show`.")] = True,
+    data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where transcripts live; your data folder without it.")] = None,
 ) -> None:
     """Play matches in a pit, and print how each ended."""
-    from pathlib import Path
-
     from arena.address import parse_address
+    from arena.folders import data_folder
     from arena.game.ruleset import load as load_rules
+    from arena.keyring.files import load, load_or_make
+    from arena.keyring.ring import entry_key_path
     from arena.protocol.topics import check_chunk
     from clients.runner import Runner, Settings
-    from policies.registry import load
+    from policies.registry import load as load_policy
 
     if team not in ("red", "blue", "any"):
         raise InputError(f"--team is {team!r}; it must be red, blue or any")
     where = parse_address(address or pit)
-    make = load(policy)
+    make = load_policy(policy)
+    entry = check_chunk("the name", name or Path(policy).stem)
     settings = Settings(
         endpoint=where.endpoint,
         pit=where.pit,
-        name=check_chunk("the name", name or Path(policy).stem),
+        name=entry,
         team=team,
         make=make,
         n_matches=None if forever else matches,
         n_slots=slots if forever else min(slots, matches),
         patience_s=patience,
         rules_hash=load_rules(rules).hash if rules else "",
+        identity=load_or_make(entry_key_path(entry)) if key is None else load(key),
+        invite=invite,
+        trust=lambda pit_key: _trust(where, pit_key),
+        authority=authority,
+        on_audit=_say_audit if audit else None,
+        transcripts=data_folder(data_folder(data) / "transcripts") if transcripts else None,
     )
     said: set[str] = set()
 
@@ -62,6 +79,16 @@ def join(
         runner.run()
     except PolicyError as error:
         raise PolicyError(f"{policy}: {error}") from error
+
+
+def _trust(where: "Address", pit_key: bytes) -> None:
+    """Refuse a pit that is not the one of the address, or not the one that was there before."""
+    from arena.keyring.known_pits import check_pit
+    from arena.protocol.identity import from_text, to_text
+
+    place = f"{where.endpoint.partition('/')[2]}/{where.pit}"
+    if check_pit(place, pit_key, from_text(where.fingerprint) if where.fingerprint else None):
+        typer.echo(f"this pit is new here; from now on {place} must show the key {to_text(pit_key)}", err=True)
 
 
 def _say_seat(seat: "Seat") -> None:
@@ -85,6 +112,11 @@ def _say_end(seat: "Seat") -> None:
         typer.echo(f"the policy first failed like this:\n{first}", err=True)
 
 
+def _say_audit(seat: "Seat", verdict: "Verdict") -> None:
+    holds, finding = verdict
+    typer.echo(f"match {seat.ticket.match}: {'warning: ' if holds is False else ''}{finding}", err=True)
+
+
 def doctor(
     pit: Annotated[str, typer.Option(metavar="ADDRESS", help="Also ask whether this pit answers.")] = "",
     as_json: AsJson = False,
@@ -99,3 +131,48 @@ def doctor(
         print_table(("what", "ok", "finding"), findings)
     if not all(is_ok for _, is_ok, _ in findings):
         raise typer.Exit(1)
+
+
+admin = typer.Typer(no_args_is_help=True, help="Tell a running pit what to do, with the key in its data folder.")
+_Pit = Annotated[str, typer.Option("--pit", metavar="ADDRESS", help="Of the pit.")]
+_Data = Annotated[Path | None, typer.Option("--data", metavar="DIR", help="The pit's own; your data folder without it.")]
+
+
+@admin.command("kick")
+def kick(target: Annotated[str, typer.Argument(metavar="NAME|KEY")], pit: _Pit = "", data: _Data = None) -> None:
+    """Have an entry forfeit what it plays, and send it away; it may come back."""
+    _tell("kick", target, pit, data)
+
+
+@admin.command("ban")
+def ban(target: Annotated[str, typer.Argument(metavar="NAME|KEY")], pit: _Pit = "", data: _Data = None) -> None:
+    """Kick an entry, and never let its key in again."""
+    _tell("ban", target, pit, data)
+
+
+@admin.command("close")
+def close(pit: _Pit = "", data: _Data = None) -> None:
+    """Begin no more matches; the pit ends with the last that runs."""
+    _tell("close", "the pit", pit, data)
+
+
+@admin.command("abort")
+def abort(match: Annotated[str, typer.Argument(metavar="MATCH")], pit: _Pit = "", data: _Data = None) -> None:
+    """End a match as void."""
+    _tell("abort", match, pit, data)
+
+
+@admin.command("release-name")
+def release_name(name: Annotated[str, typer.Argument(metavar="NAME")], pit: _Pit = "", data: _Data = None) -> None:
+    """Give a name back, for another key to take."""
+    _tell("release-name", name, pit, data)
+
+
+def _tell(command: str, target: str, pit: str, data: Path | None) -> None:
+    from arena.address import Address, parse_address
+    from arena.folders import data_folder
+    from arena.keyring.files import load
+    from clients import admin as operator
+
+    address = parse_address(pit) if pit else Address()
+    typer.echo(operator.command(address, load(data_folder(data) / "keys" / "pit.key"), command, target))

@@ -5,11 +5,13 @@ import queue
 import time
 from importlib.metadata import version
 
-from arena.address import parse_address
-from arena.errors import ArenaError
+from arena.address import Address, parse_address
+from arena.errors import ArenaError, UnreadableError
 from arena.protocol import topics
 from arena.protocol.codec import decode
-from arena.protocol.messages import Lobby
+from arena.protocol.facts import read_fact
+from arena.protocol.identity import from_text
+from arena.protocol.messages import Lobby, Signed
 from arena.transport import open_client
 
 _ANSWER_S = 3.0
@@ -33,7 +35,7 @@ def _look_at_versions() -> Finding:
 def _look_at_kernels() -> Finding:
     """Load, or compile, what every match needs."""
     begin_s = time.monotonic()
-    from clients.runner import warm
+    from clients.warm import warm
     from policies.registry import load
 
     warm(load("rush"))
@@ -43,7 +45,7 @@ def _look_at_kernels() -> Finding:
 def _look_at_pit(pit: str) -> Finding:
     try:
         address = parse_address(pit)
-        lobby = ask_lobby(address.endpoint, address.pit)
+        lobby = ask_lobby(address)
     except ArenaError as error:
         return f"pit {pit}", False, str(error)
     if lobby is None:
@@ -51,13 +53,25 @@ def _look_at_pit(pit: str) -> Finding:
     return f"pit {address}", True, f"rules {lobby.rules}, {len(lobby.running)} matches running, {len(lobby.waiting)} waiting"
 
 
-def ask_lobby(endpoint: str, pit: str) -> Lobby | None:
-    """Return the public facts of a pit, or None if none answers on that router."""
+def ask_lobby(address: Address) -> Lobby | None:
+    """Return the public facts of a pit, or None if none answers on that router.
+
+    Raises
+    ------
+    ProtocolError
+        The pit speaks another version, or is not the one whose key the address names.
+    """
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    with open_client(endpoint) as session:
-        session.ask(topics.lobby(pit), b"", answers.put, _ANSWER_S)
+    with open_client(address.endpoint) as session:
+        session.ask(topics.lobby(address.pit), b"", answers.put, _ANSWER_S)
         try:
-            message = decode(answers.get(timeout=_ANSWER_S))
+            answer = answers.get(timeout=_ANSWER_S)
         except queue.Empty:
             return None
-    return message if isinstance(message, Lobby) else None
+    if not answer:
+        return None
+    message = decode(answer)
+    if not isinstance(message, Signed):
+        raise UnreadableError("the pit's lobby is not signed")
+    fact = read_fact(message, from_text(address.fingerprint)) if address.fingerprint else decode(message.data)
+    return fact if isinstance(fact, Lobby) else None

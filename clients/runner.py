@@ -9,30 +9,29 @@ import math
 import time
 import uuid
 from collections.abc import Callable
-from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-import numpy as np
-
-from arena.errors import LostPitError, RefusedError, UnreadableError
-from arena.game.ruleset import load as load_rules
-from arena.game.types import RULES_VERSION, Team
-from arena.policy import BatchFactory, BatchPolicy
+from arena.errors import LostPitError, ProtocolError, RefusedError, UnreadableError
+from arena.game.types import RULES_VERSION
+from arena.policy import BatchFactory
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
-from arena.protocol.messages import Closed, JoinRequest, Message, Refusal, Ticket, Wait
-from arena.protocol.sealing import OpenSeal
-from arena.protocol.sight import Reader
-from arena.transport import Collector, Put, Sample, Session, is_beat, open_client, read_payload
+from arena.protocol.handshake import Attempt, check_challenge
+from arena.protocol.identity import Identity
+from arena.protocol.messages import Challenge, Closed, Commitment, Hello, JoinRequest, Refusal, Ticket, Wait
+from arena.records.transcript import TranscriptHeader, TranscriptWriter, transcript_name
+from arena.transport import Sample, Session, is_beat, open_client, read_payload
+from clients.audit import Verdict, fetch
 from clients.seat import Seat
+from clients.slot import ANSWER_S, Slot
+from clients.warm import warm
 
 logger = logging.getLogger(__name__)
 
-ANSWER_S = 8.0
-"""A pit that lives answers a question within this time, if only with Wait."""
 SILENCE_S = 2.0
 """A seat that hears nothing for so long asks whether its match still runs."""
 PROBE_S = 2.0
@@ -59,48 +58,21 @@ class Settings:
     patience_s: float = 60.0
     """How long it tries to reach a pit that it has lost."""
     rules_hash: str = ""
+    identity: Identity = field(default_factory=Identity.make)
+    """Of the entry."""
+    invite: str = ""
+    trust: Callable[[bytes], None] = lambda _: None
+    """Raises if the pit whose public key it is given is not the one that was meant."""
+    authority: Path | None = None
+    """Who vouches for the pit's certificate, where it listens by TLS."""
+    on_audit: Callable[[Seat, Verdict], None] | None = None
+    """Told what the journal of each match was found to be; without it, none is asked for."""
+    transcripts: Path | None = None
+    """Folder for what each seat was shown."""
 
 
-class _Slot:
-    """A place for one seat at a time."""
-
-    def __init__(self, number: int) -> None:
-        self.number = number
-        self.seat: Seat | None = None
-        self.put: Put | None = None
-        self.ears: Collector | None = None
-        self.leave = ExitStack()
-        self.seal = OpenSeal()
-        self.is_done = False
-        self.asked_at_s: float | None = None
-        self.n_unanswered = 0
-        self.ask_limit_s = ANSWER_S
-        self.heard_at_s = 0.0
-
-    def free(self) -> None:
-        """Let go of the seat."""
-        self.fall_silent()
-        self.seat = None
-
-    def fall_silent(self) -> None:
-        """Leave the seat's keys; the seat itself may be taken up on another connection."""
-        self.leave.close()
-        self.put, self.ears = None, None
-
-
-_Heard = tuple[Callable[[_Slot, Any], None], _Slot, Any]
+_Heard = tuple[Callable[[Slot, Any], None], Slot, Any]
 """What is to be done with it, whose it is, and what it is."""
-
-
-def warm(make: BatchFactory) -> None:
-    """Compile what one of our own fighters needs, before anybody waits for it. A stranger's bot is left alone."""
-    if not (isinstance(make, type) and issubclass(make, BatchPolicy)):
-        return
-    ruleset = load_rules("paper")
-    nothing = Reader(ruleset, Team.BLUE).blank()
-    policy = make(ruleset, Team.BLUE, 1)
-    policy.start(np.zeros(1, np.intp))
-    policy.act(nothing, np.zeros(nothing.cell.shape, np.int8))
 
 
 class Runner:
@@ -117,10 +89,13 @@ class Runner:
         self._settings = settings
         self._on_seat, self._on_end, self._on_wait = on_seat, on_end, on_wait
         self._client = uuid.uuid4().hex
-        self._slots = [_Slot(number) for number in range(settings.n_slots)]
+        self._slots = [Slot(number, settings.identity) for number in range(settings.n_slots)]
         self._inbox: SimpleQueue[_Heard] = SimpleQueue()
         self._n_begun = self._n_ended = self._n_heard = 0
         self._is_stopping = False
+        self._pit_key = b""
+        self._session: Session | None = None
+        self._n_auditing = 0
 
     def stop(self) -> None:
         """Leave `run` soon; from a signal."""
@@ -144,7 +119,7 @@ class Runner:
             failure = LostPitError(f"no pit called {settings.pit} answers at {settings.endpoint}")
             heard_before = self._n_heard
             try:
-                with open_client(settings.endpoint) as session:
+                with open_client(settings.endpoint, settings.authority) as session:
                     self._serve(session)
                 if lost_at_s is None and not any(slot.asked_at_s for slot in self._slots):
                     lost_at_s = begun_at_s  # the pit was opening, or closing: nothing was asked that it could have answered
@@ -163,11 +138,11 @@ class Runner:
         return self._settings.n_matches is not None and self._n_begun >= self._settings.n_matches
 
     def _is_done(self) -> bool:
-        return self._is_stopping or all(slot.is_done for slot in self._slots)
+        return self._is_stopping or (all(slot.is_done for slot in self._slots) and not self._n_auditing)
 
     def _serve(self, session: Session) -> None:
         """Play over one connection, until all is played or the pit is lost."""
-        settings = self._settings
+        settings, self._session = self._settings, session
         session.declare_presence(topics.presence(settings.pit, settings.name, self._client))
         for slot in self._slots:
             slot.fall_silent()
@@ -188,6 +163,7 @@ class Runner:
                 if slot.seat is None:
                     checked_at_s = 0.0  # ask again at once
         finally:
+            self._n_auditing = 0  # what was asked over this connection is not answered any more
             for slot in self._slots:
                 slot.fall_silent()
 
@@ -199,12 +175,12 @@ class Runner:
         sample = slot.ears.wait()
         return self._inbox.get_nowait() if is_beat(sample) else (self._on_turn, slot, sample)
 
-    def _enqueue(self, handle: Callable[[_Slot, Any], None], slot: _Slot, heard: Any) -> None:
+    def _enqueue(self, handle: Callable[[Slot, Any], None], slot: Slot, heard: Any) -> None:
         """Leave what was heard for the one thread, on one of Zenoh's; what comes beyond the bound is asked for again."""
         if self._inbox.qsize() < MOST_WAITING:
             self._inbox.put((handle, slot, heard))
 
-    def _on_silence(self, slot: _Slot) -> None:
+    def _on_silence(self, slot: Slot) -> None:
         """Ask again a little later: a pit that opens has its router before its ears. In the end, give the pit up."""
         slot.n_unanswered += 1
         slot.asked_at_s = None if slot.n_unanswered < MOST_UNANSWERED else -math.inf
@@ -221,34 +197,59 @@ class Runner:
                 self._ask(session, slot, now_s)
         return True
 
-    def _ask(self, session: Session, slot: _Slot, now_s: float) -> None:
+    def _ask(self, session: Session, slot: Slot, now_s: float) -> None:
         """Ask for a seat, or, with one, whether the match still runs."""
-        settings = self._settings
         if slot.seat is None and self._has_begun_all():
             slot.is_done = True
             return
-        team = settings.team if slot.seat is None else slot.seat.team.name.lower()
-        request = JoinRequest(
-            rules_version=RULES_VERSION, name=settings.name, team=team, client=self._client, slot=slot.number,
-            rules_hash=settings.rules_hash, match="" if slot.seat is None else slot.seat.ticket.match,
-        )  # fmt: skip
         slot.asked_at_s, slot.ask_limit_s = now_s, ANSWER_S if slot.seat is None else PROBE_S
-        answered = partial(self._enqueue, partial(self._on_answer, session), slot)
-        session.ask(topics.join(settings.pit), encode(request), answered, slot.ask_limit_s)
+        self._question(session, slot, encode(Hello()), partial(self._on_challenge, session))
 
-    def _on_answer(self, session: Session, slot: _Slot, payload: bytes) -> None:
+    def _question(self, session: Session, slot: Slot, payload: bytes, handle: Callable[[Slot, bytes], None]) -> None:
+        session.ask(topics.join(self._settings.pit), payload, partial(self._enqueue, handle, slot), slot.ask_limit_s)
+
+    def _on_challenge(self, session: Session, slot: Slot, payload: bytes) -> None:
+        """Knock, if it is the right door."""
+        settings = self._settings
         if not payload:
+            self._on_silence(slot)
+            return
+        try:
+            challenge = decode(payload)
+            if not isinstance(challenge, Challenge):
+                raise UnreadableError("it answers with something else than its keys")
+            check_challenge(settings.pit, challenge)
+        except ProtocolError as error:
+            raise RefusedError(f"the pit cannot be understood: {error}") from error
+        settings.trust(challenge.pit_key)
+        self._pit_key = challenge.pit_key
+        request = JoinRequest(
+            rules_version=RULES_VERSION,
+            name=settings.name,
+            team=settings.team if slot.seat is None else slot.seat.team.name.lower(),
+            client=self._client,
+            slot=slot.number,
+            rules_hash=settings.rules_hash,
+            match="" if slot.seat is None else slot.seat.ticket.match,
+            invite=settings.invite,
+        )
+        attempt = Attempt(settings.identity, settings.pit, challenge, request)
+        self._question(session, slot, attempt.knock, partial(self._on_answer, session, attempt))
+
+    def _on_answer(self, session: Session, attempt: Attempt, slot: Slot, payload: bytes) -> None:
+        try:
+            message = attempt.open(payload) if payload else None
+        except ProtocolError as error:  # anybody can say no in the pit's name; only the pit can seal it
+            logger.info("the pit's answer counts for nothing: %s", error)
+            message = None
+        if message is None:
             self._on_silence(slot)
             return
         slot.asked_at_s, slot.n_unanswered = None, 0
         slot.heard_at_s = time.monotonic()
         self._n_heard += 1
-        try:
-            message: Message = decode(payload)
-        except UnreadableError as error:
-            raise RefusedError(f"the pit cannot be understood: {error}") from error
         if isinstance(message, Ticket):
-            self._sit_down(session, slot, message)
+            self._sit_down(session, slot, attempt, message)
         elif isinstance(message, Refusal):
             raise RefusedError(f"the pit says no: {message.reason}")
         elif isinstance(message, Closed):
@@ -261,11 +262,15 @@ class Runner:
                 slot.free()
             self._on_wait(message.reason)
 
-    def _sit_down(self, session: Session, slot: _Slot, ticket: Ticket) -> None:
+    def _sit_down(self, session: Session, slot: Slot, attempt: Attempt, ticket: Ticket) -> None:
         """Take a seat, or the same one again, and say so to the referee."""
-        if slot.seat is None or slot.seat.ticket.match != ticket.match:
-            slot.free()
-            slot.seat = Seat(ticket, self._settings.make)
+        try:
+            is_new = slot.take(ticket, attempt, self._make_seat)
+        except UnreadableError as error:
+            raise RefusedError(f"the pit cannot be understood: {error}") from error
+        if slot.seat is None:
+            return
+        if is_new:
             self._n_begun += 1
             self._on_seat(slot.seat)
         if slot.put is None:
@@ -273,9 +278,28 @@ class Runner:
             slot.put, end = session.publisher(topics.action(pit, ticket.match, team))
             slot.leave.callback(end)
             self._listen(session, slot, topics.observation(pit, ticket.match, team))
-        slot.put(slot.seal.close(encode(slot.seat.ready())))
+        slot.send(slot.seat.ready())
 
-    def _listen(self, session: Session, slot: _Slot, key: str) -> None:
+    def _make_seat(self, ticket: Ticket, commitment: Commitment) -> Seat:
+        settings = self._settings
+        seat = Seat(ticket, commitment.digest, settings.make)
+        if settings.transcripts is not None:
+            header = TranscriptHeader(
+                match=ticket.match,
+                pit=settings.pit,
+                pit_key=self._pit_key,
+                entry_key=settings.identity.public,
+                name=settings.name,
+                opponent=ticket.opponent,
+                team=seat.team,
+                ruleset=seat.ruleset,
+                commitment=commitment.digest,
+            )
+            name = transcript_name(settings.pit, ticket.match, seat.team)
+            seat.keep(TranscriptWriter(settings.transcripts / name, header))
+        return seat
+
+    def _listen(self, session: Session, slot: Slot, key: str) -> None:
         """Hear the referee: a single seat outside Python, which spares each turn a tenth of its time; several by callbacks."""
         if len(self._slots) > 1:
             slot.leave.callback(session.subscribe(key, partial(self._enqueue, self._on_turn, slot)))
@@ -284,20 +308,33 @@ class Runner:
         slot.leave.callback(slot.ears.end)
         slot.leave.callback(session.beat(key, _TICK_S))
 
-    def _on_turn(self, slot: _Slot, sample: Sample) -> None:
-        payload = read_payload(sample)
+    def _on_turn(self, slot: Slot, sample: Sample) -> None:
         if slot.seat is None or slot.put is None:
             return
         try:
-            answer = slot.seat.receive(decode(slot.seal.open(payload)))
-        except UnreadableError as error:
-            logger.warning("the referee sent what cannot be read: %s", error)
+            slot.receive(read_payload(sample))
+        except ProtocolError as error:
+            logger.info("heard on the seat's key, and not from the referee: %s", error)
             return
         slot.heard_at_s = time.monotonic()
-        if answer is not None:
-            slot.put(slot.seal.close(encode(answer)))
         if slot.seat.ended is not None:
             self._n_ended += 1
             self._on_end(slot.seat)
+            if self._settings.on_audit is not None:
+                self._begin_audit(slot, slot.seat, self._settings.on_audit)
             slot.free()
             slot.is_done = self._has_begun_all()  # now: the pit may be gone the next moment
+
+    def _begin_audit(self, slot: Slot, seat: Seat, on_audit: Callable[[Seat, Verdict], None]) -> None:
+        """Ask for the journal of a match that is over, and go on."""
+
+        def on_end(verdict: Verdict) -> None:
+            self._n_auditing -= 1
+            on_audit(seat, verdict)
+
+        def defer(handle: Callable[[bytes], None]) -> Callable[[bytes], None]:
+            return partial(self._enqueue, lambda _, payload: handle(payload), slot)
+
+        if self._session is not None:
+            self._n_auditing += 1
+            fetch(self._session, self._settings.pit, seat, self._pit_key, defer, on_end)

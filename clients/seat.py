@@ -12,6 +12,7 @@ from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn
 from arena.protocol.sight import Reader
 from arena.protocol.topics import is_chunk
+from arena.records.transcript import Head, TranscriptWriter
 
 _SEAT = np.zeros(1, np.intp)
 
@@ -35,8 +36,8 @@ def read_ticket(ticket: Ticket) -> tuple[Ruleset, Team]:
 class Seat:
     """A policy at work in one seat."""
 
-    def __init__(self, ticket: Ticket, make: BatchFactory) -> None:
-        self.ticket = ticket
+    def __init__(self, ticket: Ticket, commitment: bytes, make: BatchFactory) -> None:
+        self.ticket, self.commitment = ticket, commitment
         self.ruleset, self.team = read_ticket(ticket)
         self.ended: Ended | None = None
         self.known_ticks = 0
@@ -47,6 +48,22 @@ class Seat:
         self._orders = np.zeros((1, len(self.ruleset.team(self.team))), np.int8)
         self._answers: list[bytes] = []
         """What the policy said to each observation, to be said again."""
+        self._head = Head()
+        self._transcript: TranscriptWriter | None = None
+
+    @property
+    def head(self) -> bytes:
+        """What stands for all that this seat was shown."""
+        return self._head.digest
+
+    @property
+    def answers(self) -> list[bytes]:
+        """What was answered to each tick so far, a byte per unit."""
+        return self._answers
+
+    def keep(self, transcript: TranscriptWriter) -> None:
+        """Write down what this seat is shown."""
+        self._transcript = transcript
 
     def ready(self) -> Ready:
         """Return what tells the referee that this seat listens, at first or again."""
@@ -64,6 +81,8 @@ class Seat:
             result = self._read_result(message)
             self.ended = message
             self._policy.end(0, result)
+            if self._transcript is not None:
+                self._transcript.end(result)
         return None
 
     def result(self) -> MatchResult:
@@ -101,14 +120,19 @@ class Seat:
         """Show the policy what it missed; what it would have done then is of no use any more."""
         if not 0 <= history.first_tick <= self.known_ticks:
             return
-        for observation in history.observations[self.known_ticks - history.first_tick :]:
-            self._ask_policy(observation)
+        known = self.known_ticks - history.first_tick
+        for observation, orders in zip(history.observations[known:], history.orders[known:], strict=False):
+            self._ask_policy(observation, orders)
 
-    def _ask_policy(self, data: bytes) -> None:
+    def _ask_policy(self, data: bytes, played: bytes | None = None) -> None:
+        """Show the policy an observation; its answer is kept, or what was played if that is history."""
         observations = self._reader.read(data)
         if int(observations.tick[0]) != self.known_ticks:
             raise UnreadableError(f"the observation is of tick {observations.tick[0]}, not {self.known_ticks}")
         self._orders[:] = 0
         self._policy.act(observations, self._orders)
         self.known_ticks += 1
-        self._answers.append(self._orders.tobytes())
+        self._answers.append(self._orders.tobytes() if played is None else played)
+        self._head.add(data)
+        if self._transcript is not None:
+            self._transcript.add(data, self._answers[-1])

@@ -36,3 +36,9 @@ def arena() -> Callable[..., subprocess.CompletedProcess[str]]:
         return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
 
     return run
+
+
+@pytest.fixture(autouse=True)
+def config_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep a test's keys, and the pits that it trusts, away from the user's and from other tests'."""
+    monkeypatch.setenv("ARENA_CONFIG", str(tmp_path_factory.mktemp("config")))

@@ -14,7 +14,7 @@ from urllib.parse import quote
 from jinja2 import Environment, StrictUndefined, Template
 
 from arena.game.types import Team
-from arena.referee.journal import journal_name
+from arena.records.journal import journal_name
 from tournaments.outcome import Outcome
 from tournaments.report import Report, rank_range, summary
 

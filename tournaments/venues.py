@@ -16,15 +16,19 @@ from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from arena.address import Address
 from arena.errors import ArenaError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Ending, Team
 from arena.games import warm
+from arena.keyring.files import load_or_make
 from arena.referee.local import MatchPlan, MatchRecord
 from arena.referee.local import play as play_matches
 from arena.referee.match import SeatRecord, Terms
+from arena.referee.register import Register
 from arena.referee.seating import PlannedSeating
 from arena.referee.service import Played, Referee
+from arena.referee.table import House
 from arena.transport import free_port, open_router
 from policies.registry import load_entry
 from tournaments.outcome import Outcome, SeatOutcome
@@ -48,6 +52,8 @@ class Setting:
     slots: int
     """Seats that the process of an entry holds at once."""
     journals: Path
+    keys: Path
+    """Folder for the keys of the pit and of the entries: whoever is started anew is still who it was."""
 
 
 def play_local(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
@@ -68,12 +74,14 @@ def play_network(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outco
     if not plans:
         return
     setting.journals.mkdir(parents=True, exist_ok=True)
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    names = sorted({name for plan in plans for name in (plan.blue, plan.red)})
+    entries = {name: load_or_make(_entry_key(setting, name)).public for name in names}
+    pit = load_or_make(setting.keys / "pit.key")
+    address = Address(endpoint=f"tcp/127.0.0.1:{free_port()}", pit=_PIT, fingerprint=pit.fingerprint)
     with ExitStack() as processes:
-        referee = processes.enter_context(_RefereeProcess(setting, endpoint))
+        referee = processes.enter_context(_RefereeProcess(setting, address, entries))
         referee.start(plans)
-        names = sorted({name for plan in plans for name in (plan.blue, plan.red)})
-        clients = [processes.enter_context(_ClientProcess(setting, endpoint, name)) for name in names]
+        clients = [processes.enter_context(_ClientProcess(setting, address, name)) for name in names]
         left = {plan.identity: plan for plan in plans}
         while left:
             for outcome in referee.hear(list(left.values())):
@@ -84,14 +92,18 @@ def play_network(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outco
                     client.keep_alive()
 
 
+def _entry_key(setting: Setting, name: str) -> Path:
+    return setting.keys / "entries" / f"{name}.key"
+
+
 VENUES = {"local": play_local, "network": play_network}
 
 
 class _RefereeProcess:
     """The referee of a league in a process of its own, heard over a pipe."""
 
-    def __init__(self, setting: Setting, endpoint: str) -> None:
-        self._setting, self._endpoint = setting, endpoint
+    def __init__(self, setting: Setting, address: Address, entries: Mapping[str, bytes]) -> None:
+        self._setting, self._address, self._entries = setting, address, dict(entries)
         self._context = multiprocessing.get_context("spawn")
         self._restarts = 0
 
@@ -107,7 +119,10 @@ class _RefereeProcess:
         """Start, and wait until the pit is open."""
         self._heard, said = self._context.Pipe(duplex=False)
         self._process = self._context.Process(
-            target=_referee, args=(said, self._endpoint, self._setting, list(plans)), name="referee", daemon=True
+            target=_referee,
+            args=(said, self._address, self._entries, self._setting, list(plans)),
+            name="referee",
+            daemon=True,
         )
         self._process.start()
         said.close()
@@ -133,7 +148,7 @@ class _RefereeProcess:
 class _ClientProcess:
     """`arena join` as a process; what it says goes to a log beside the journals."""
 
-    def __init__(self, setting: Setting, endpoint: str, name: str) -> None:
+    def __init__(self, setting: Setting, address: Address, name: str) -> None:
         self.name = name
         self._log = setting.journals / f"{name}.log"
         # `-P` keeps the current folder out of the import path: a bot's neighbours must not pose as our modules.
@@ -143,7 +158,11 @@ class _ClientProcess:
             "-c",
             "from arena.cli import main; main()",
             "join",
-            f"arena://{endpoint.removeprefix('tcp/')}/{_PIT}",
+            str(address),
+            "--key",
+            str(_entry_key(setting, name)),
+            "--no-transcripts",
+            "--no-audit",
             "--name",
             name,
             "--policy",
@@ -182,27 +201,28 @@ class _ClientProcess:
         self._start()
 
 
-def _referee(said: Connection, endpoint: str, setting: Setting, plans: list[MatchPlan]) -> None:
+def _referee(said: Connection, address: Address, entries: Mapping[str, bytes], setting: Setting, plans: list[MatchPlan]) -> None:
     """Referee the plans, resuming those whose journal was begun, and say each outcome."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = os.getppid()
     ours = {plan.identity for plan in plans}
     warm(setting.ruleset)  # before anybody can ask
-    with open_router(endpoint) as session:
+    identity = load_or_make(setting.keys / "pit.key")
+    with open_router(address.endpoint, address.pit) as session:
         seating = PlannedSeating(plans)
         referee = Referee(
-            session,
-            _PIT,
+            House(session=session, pit=address.pit, identity=identity),
             setting.ruleset,
             seating,
             setting.terms,
             setting.journals,
+            register=Register(names=entries),
             on_end=lambda played: said.send(_of_played(played)),
         )
         signal.signal(signal.SIGTERM, lambda *_: referee.stop())
         seating.withdraw(referee.resume(lambda identity: identity in ours))
         try:
-            referee.run(lambda: (seating.is_done and referee.n_running == 0) or os.getppid() != parent)
+            referee.run(lambda: (seating.is_done and referee.n_running == 0 and referee.is_deserted) or os.getppid() != parent)
         finally:
             referee.close()
 

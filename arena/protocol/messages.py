@@ -1,30 +1,65 @@
 """Every message of the protocol: frozen, valid once built. What each looks like as bytes is `codec`'s business.
 
-A match, message by message:
+A match, message by message; `handshake` says how the first four are sealed, `sealing` the rest:
 
     client                          referee
-    JoinRequest   -- query join -->
-                  <---- reply ----  Ticket, or Wait (ask again), or Refusal, or Closed
+    Hello         -- query join -->
+                  <---- reply ----  Challenge
+    Knock         -- query join -->                 a JoinRequest, sealed
+                  <---- reply ----  Answer          a Ticket, or Wait (ask again), or Refusal, or Closed, sealed
     Ready         ---- action ---->                 subscribed, policy loaded
                   <- observation -  History         to one who came back: what it was shown, and answered, before
                   <- observation -  Turn            tick by tick
     Orders        ---- action ---->
-                  <- observation -  Ended
-                  <---- public ---  Facts           what everyone may know
+                  <- observation -  Signed          holds Ended
+    Receipt       ---- action ---->
+                  <---- public ---  Facts, Signed   what everyone may know
+                  <---- truth ----  Truth           to holders of the spectator key
 """
 
 from dataclasses import dataclass, field
 from typing import Any
 
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 """Rises with every change of a message."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hello:
+    """A client asks for the pit's keys."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Challenge:
+    """The pit's keys, for some seconds."""
+
+    pit_key: bytes
+    """Ed25519: who the pit is."""
+    sealing_key: bytes
+    """X25519: what requests are sealed to; made anew by every process."""
+    number: bytes
+    """To be repeated in the request."""
+    signature: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Knock:
+    """A request that only the pit can read."""
+
+    sealed: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What only the one who knocked can read."""
+
+    sealed: bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JoinRequest:
     """A client asks for a seat; it may ask for several, each under a slot of its own."""
 
-    version: int = PROTOCOL_VERSION
     rules_version: int
     name: str
     """Of the entry."""
@@ -37,6 +72,38 @@ class JoinRequest:
     """The ruleset that the client insists on, if any."""
     match: str = ""
     """The match that it plays already, if it asks whether that still runs."""
+    invite: str = ""
+    entry: bytes = b""
+    """Ed25519, the entry's own; it signs the request. This and what follows, `handshake.Attempt` fills in."""
+    ephemeral: bytes = b""
+    """X25519: what the answer is sealed to."""
+    reply_secret: bytes = b""
+    """The client's share of the seat's keys."""
+    challenge: bytes = b""
+    pit_key: bytes = b""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdminRequest:
+    """The operator asks, who holds the pit's own key and signs with it."""
+
+    command: str
+    """kick, ban, close, abort or release-name."""
+    target: str
+    """A name, a public key or a match."""
+    entry: bytes = b""
+    """The pit's key; this and what follows as in `JoinRequest`."""
+    ephemeral: bytes = b""
+    reply_secret: bytes = b""
+    challenge: bytes = b""
+    pit_key: bytes = b""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Done:
+    """What was asked for is done."""
+
+    text: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +120,28 @@ class Ticket:
     bank_s: float
     tick: int
     """Where the match stands: 0, unless the client came back."""
+    secret: bytes
+    """The pit's share of the seat's keys."""
+    commitment: bytes
+    """A `Signed` with the match's `Commitment`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signed:
+    """A message that the pit stands for, whoever carries it."""
+
+    data: bytes
+    """A message as bytes."""
+    signature: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Commitment:
+    """What ties the pit to a match's keys before the first tick."""
+
+    match: str
+    digest: bytes
+    """As `arena.protocol.facts.commit` gives it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +205,7 @@ class Orders:
 class Ended:
     """How a match ended; the same to both seats and to everyone."""
 
+    match: str
     ending: str
     winner: str | None
     score: int
@@ -128,6 +218,18 @@ class Ended:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Receipt:
+    """A seat's word on what it was shown, once the match is over."""
+
+    n_shown: int
+    """Observations that it was shown."""
+    head: bytes
+    """Of its transcript: what stands for all of them."""
+    signature: bytes
+    """By the entry; see `arena.protocol.facts`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
     """What both teams, and everyone else, may know of a running match."""
 
@@ -136,6 +238,36 @@ class Facts:
     """Blue's units, red's."""
     score: int
     """Blue's."""
+    commitment: bytes
+    """A `Signed` with the match's `Commitment`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """A tick as it is, for holders of the spectator key while the match runs."""
+
+    tick: int
+    board: bytes
+    """int8 each, in the codes of Table 2, row by row."""
+    seen: list[bytes]
+    """What blue's seat is shown, and red's."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JournalRequest:
+    """Somebody asks for a piece of a journal."""
+
+    offset: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JournalPiece:
+    """A piece of a journal that may be seen."""
+
+    n_bytes: int
+    """Of the whole journal."""
+    offset: int
+    data: bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,6 +278,9 @@ class Lobby:
     rules: str
     """Name of the ruleset."""
     rules_hash: str
+    ruleset: dict[str, Any]
+    """As in `Ticket`."""
+    needs_invite: bool
     n_begun: int
     """Matches since the pit opened."""
     running: list[dict[str, Any]]
@@ -154,4 +289,29 @@ class Lobby:
     """Names of those who wait for an opponent."""
 
 
-Message = JoinRequest | Ticket | Wait | Refusal | Closed | Ready | Turn | History | Orders | Ended | Facts | Lobby
+Message = (
+    Hello
+    | Challenge
+    | Knock
+    | Answer
+    | JoinRequest
+    | AdminRequest
+    | Done
+    | Ticket
+    | Wait
+    | Refusal
+    | Closed
+    | Ready
+    | Turn
+    | History
+    | Orders
+    | Signed
+    | Commitment
+    | Ended
+    | Receipt
+    | Facts
+    | Truth
+    | JournalRequest
+    | JournalPiece
+    | Lobby
+)

@@ -1,28 +1,117 @@
 """The seam through which every message of a seat passes on its way to bytes on the network, and back.
 
-Now it passes them as they are. What seals them will stand here, and no caller will notice.
+    counter uint64 | tick uint32 | ChaCha20-Poly1305(padded message)          integers are big-endian
+
+The nonce is the counter: of messages sent under this key, never the tick. What else the message must not be moved between is
+authenticated beside it: version, pit, match, seat, direction, tick. So a replayed, reordered, forged or moved message does not
+open. A key belongs to one seat, one direction and one process on either side, and is never written down; see `handshake`.
 """
 
-from typing import Protocol
+import struct
+from enum import Enum
+
+from cryptography.exceptions import InvalidTag
+from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.kdf.hkdf import HKDF
+
+from arena.errors import ForgedError
+from arena.game.types import Team
+from arena.protocol.messages import PROTOCOL_VERSION
+
+KEY_BYTES = 32
+PAD_BYTES = 64
+"""Orders, and all else that has no size of its own, come in multiples of this."""
+_HEAD = struct.Struct(">QI")
+_NONCE = struct.Struct(">IQ")
+_TAG_BYTES = 16
+_NO_COUNT = -1
 
 
-class Seal(Protocol):
-    """One direction of one seat."""
+class Direction(Enum):
+    """Which way a key's messages go."""
 
-    def close(self, data: bytes) -> bytes:
-        """Return what goes over the network."""
+    OBSERVATION = "observation"
+    ACTION = "action"
+
+
+def derive_key(secret: bytes, label: str, *parts: bytes) -> bytes:
+    """Return 32 bytes by HKDF-SHA256 (RFC 5869) under a label and what the key is for, each part behind its length."""
+    info = b"".join(len(part).to_bytes(4, "big") + part for part in (b"arena " + label.encode(), *parts))
+    return HKDF(algorithm=SHA256(), length=KEY_BYTES, salt=None, info=info).derive(secret)
+
+
+def seat_context(pit: str, match: str, team: Team, direction: Direction) -> bytes:
+    """Return what authenticates the place of a message, its tick apart."""
+    return f"arena {PROTOCOL_VERSION}/{pit}/{match}/{team.name}/{direction.value}/".encode()
+
+
+def pad(data: bytes, multiple: int) -> bytes:
+    """Return `data` lengthened to a multiple; ISO/IEC 7816-4."""
+    return data + b"\x80" + bytes(-(len(data) + 1) % multiple)
+
+
+def unpad(data: bytes) -> bytes:
+    """Return what was padded."""
+    bare = data.rstrip(b"\0")
+    if bare[-1:] != b"\x80":
+        raise ForgedError("a message lacks its padding")
+    return bare[:-1]
+
+
+class Sealer:
+    """Seals one direction; no counter is used twice."""
+
+    def __init__(self, key: bytes, context: bytes, multiple: int = PAD_BYTES) -> None:
+        self._cipher, self._context, self._multiple = ChaCha20Poly1305(key), context, multiple
+        self._count = 0
+
+    def close(self, data: bytes, tick: int) -> bytes:
+        """Return what goes over the network. To send a thing again, send these bytes again."""
+        count = self._count
+        self._count += 1
+        head = _HEAD.pack(count, tick)
+        return head + self._cipher.encrypt(_NONCE.pack(0, count), pad(data, self._multiple), self._context + head[8:])
+
+
+class Opener:
+    """Opens what the other side's `Sealer` closed, each message once, in the order of their counters."""
+
+    def __init__(self, key: bytes, context: bytes) -> None:
+        self._cipher, self._context = ChaCha20Poly1305(key), context
+        self._last, self._last_bytes = _NO_COUNT, b""
 
     def open(self, data: bytes) -> bytes:
-        """Return what `close` was given on the other side; raise `UnreadableError` if it was not."""
+        """Return the message; the last one may come again, as it was.
+
+        Raises
+        ------
+        ForgedError
+            It is forged, changed, moved, or of a counter that was passed.
+        """
+        if len(data) < _HEAD.size + _TAG_BYTES:
+            raise ForgedError("a message is too short to be sealed")
+        count, _ = _HEAD.unpack_from(data)
+        if count < self._last or (count == self._last and data != self._last_bytes):
+            raise ForgedError("a message comes a second time, or late")
+        try:
+            padded = self._cipher.decrypt(_NONCE.pack(0, count), data[_HEAD.size :], self._context + data[8 : _HEAD.size])
+        except InvalidTag:
+            raise ForgedError("a message does not open") from None
+        self._last, self._last_bytes = count, data
+        return unpad(padded)
 
 
-class OpenSeal:
-    """No seal."""
+def truth_sealer(secret: bytes, salt: bytes, pit: str, match: str) -> Sealer:
+    """Return what seals a match's truth for holders of the spectator key; `salt` is of one process, and not secret."""
+    return Sealer(*_truth_key(secret, salt, pit, match))
 
-    def close(self, data: bytes) -> bytes:
-        """Return the data."""
-        return data
 
-    def open(self, data: bytes) -> bytes:
-        """Return the data."""
-        return data
+def truth_opener(secret: bytes, salt: bytes, pit: str, match: str) -> Opener:
+    """Return what opens what `truth_sealer` closed."""
+    return Opener(*_truth_key(secret, salt, pit, match))
+
+
+def _truth_key(secret: bytes, salt: bytes, pit: str, match: str) -> tuple[bytes, bytes]:
+    key = derive_key(secret, "truth", salt, pit.encode(), match.encode())
+    return key, f"arena {PROTOCOL_VERSION}/{pit}/{match}/truth/".encode()

@@ -36,6 +36,11 @@ def observation(pit: str, match: str, team: Team) -> str:
     return f"arena/{pit}/match/{match}/{team.name.lower()}/observation"
 
 
+def all_observations(pit: str) -> str:
+    """Return the expression of every seat's observation key."""
+    return f"arena/{pit}/match/*/*/observation"
+
+
 def action(pit: str, match: str, team: Team) -> str:
     """Return the key on which the referee hears a seat."""
     return f"arena/{pit}/match/{match}/{team.name.lower()}/action"
@@ -62,6 +67,36 @@ def read_action(key: str) -> tuple[str, Team]:
 def public(pit: str, match: str) -> str:
     """Return the key of what everyone may know of a match."""
     return f"arena/{pit}/match/{match}/public"
+
+
+def all_public(pit: str) -> str:
+    """Return the expression of every match's public key."""
+    return f"arena/{pit}/match/*/public"
+
+
+def truth(pit: str, match: str) -> str:
+    """Return the key of a running match's true state, sealed to spectators who have the key."""
+    return f"arena/{pit}/match/{match}/truth"
+
+
+def all_truths(pit: str) -> str:
+    """Return the expression of every match's truth key."""
+    return f"arena/{pit}/match/*/truth"
+
+
+def journal(pit: str, match: str) -> str:
+    """Return the key of a match's journal, once it may be seen."""
+    return f"arena/{pit}/journal/{match}"
+
+
+def all_journals(pit: str) -> str:
+    """Return the expression of every journal's key."""
+    return f"arena/{pit}/journal/*"
+
+
+def read_journal(key: str) -> str:
+    """Return the match of a journal's key."""
+    return key.rsplit("/", 1)[-1]
 
 
 def presence(pit: str, name: str, client: str) -> str:

@@ -22,7 +22,7 @@ from arena.game.ruleset import Ruleset
 from arena.game.types import Ending, Team
 from arena.games import Games
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
-from arena.referee.journal import Header, Mark, save_journal, write_ending, write_start
+from arena.records.journal import Header, Mark, save_journal, write_ending, write_start
 from arena.referee.replay import match_result
 from arena.referee.workers import work
 

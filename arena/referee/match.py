@@ -16,7 +16,7 @@ from arena.game.types import Action, Ending, Team
 from arena.games import Games
 from arena.policy import MatchResult
 from arena.protocol.sight import Writer
-from arena.referee.journal import Header, Journal, Mark, write_ending, write_start, write_tick
+from arena.records.journal import CHAIN_BYTES, Header, Journal, Mark, write_ending, write_start, write_tick
 from arena.referee.replay import match_result
 
 _STAY = bytes([Action.STAY])
@@ -92,12 +92,14 @@ class SeatRecord:
     """Messages for another tick, or a second answer to this one; ignored."""
     garbled: int = 0
     """Messages that were none; ignored."""
+    forged: int = 0
+    """Messages on the seat's key that its holder did not seal, or not for now; ignored, and not the holder's doing."""
     vanished: int = 0
     latencies_s: list[float] = field(default_factory=list)
 
     def faults(self) -> dict[str, int]:
         """Return the counts."""
-        return {name: getattr(self, name) for name in ("late", "unreadable", "stale", "garbled", "vanished")}
+        return {name: getattr(self, name) for name in ("late", "unreadable", "stale", "garbled", "forged", "vanished")}
 
 
 @dataclass(slots=True, kw_only=True)
@@ -121,6 +123,8 @@ class Match:
         self.header, self.terms = header, terms
         self.phase = Phase.WAITING
         self.result: MatchResult | None = None
+        self.head = b""
+        """The last link of the chain, once the match is over."""
         self._games = Games(header.ruleset, 1)
         self._games.start([0], [header.keys])
         self._seats = {team: _Seat(bank_s=terms.bank_s, grace_s=terms.grace_s) for team in Team}
@@ -153,6 +157,14 @@ class Match:
         blue = self._n_units[Team.BLUE]
         orders = [orders[:blue] if team is Team.BLUE else orders[blue:] for orders in self._past[known_ticks:]]
         return self._shown[team][known_ticks : len(self._past)], orders
+
+    def n_shown_bytes(self, team: Team) -> int:
+        """Return the length of every observation of a seat."""
+        return len(self._shown[team][0])
+
+    def truth(self) -> tuple[bytes, list[bytes]]:
+        """Return the true board in the codes of Table 2, and what each seat is shown of it."""
+        return self._games.truth(0).tobytes(), [self._shown[team][-1] for team in Team]
 
     def is_away(self, team: Team) -> bool:
         """Whether a seat has not come yet, or has vanished."""
@@ -229,6 +241,10 @@ class Match:
         """Count a message that was none."""
         self._seats[team].record.garbled += 1
 
+    def suspect(self, team: Team) -> None:
+        """Count a message that another sealed."""
+        self._seats[team].record.forged += 1
+
     def advance(self, now_s: float) -> list[Event]:
         """Let time pass: rule on seats that are late, or away for too long."""
         if self.phase is Phase.OVER:
@@ -253,6 +269,10 @@ class Match:
         if idle:
             return self._forfeit(idle, f"missed {self.terms.most_missed} turns in a row")
         return self._turn(now_s) if self._is_complete() else []
+
+    def forfeit(self, team: Team, why: str) -> list[Event]:
+        """End the match against a seat."""
+        return [] if self.phase is Phase.OVER else self._forfeit([team], why)
 
     def void(self, reason: str) -> list[Event]:
         """End the match by a fault of the pit's own."""
@@ -328,4 +348,6 @@ class Match:
 
     def _end(self, result: MatchResult) -> list[Event]:
         self.phase, self.result = Phase.OVER, result
-        return [Write(data=write_ending(self._chain, result)), End(result=result)]
+        record = write_ending(self._chain, result)
+        self.head = record[-CHAIN_BYTES:]
+        return [Write(data=record), End(result=result)]

@@ -10,7 +10,7 @@ from arena.game.state import Fact
 from arena.game.types import Ending, Team
 from arena.games import Games
 from arena.policy import MatchResult
-from arena.referee.journal import CHAIN_BYTES, Journal, write_ending, write_start, write_tick
+from arena.records.journal import CHAIN_BYTES, Journal, write_ending, write_start, write_tick
 
 
 class BrokenChainError(ArenaError):

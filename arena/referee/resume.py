@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from arena.errors import JournalError
-from arena.referee.journal import read_journal, whole_part
+from arena.game.types import Team
+from arena.records.journal import read_journal, whole_part
 from arena.referee.match import Event, Match, Terms
 
 logger = logging.getLogger(__name__)
@@ -14,23 +15,20 @@ logger = logging.getLogger(__name__)
 
 def resume_matches(
     journals: Path, terms: Terms, now_s: float, wanted: Callable[[str], bool]
-) -> Iterator[tuple[Match, list[Event], int]]:
+) -> Iterator[tuple[Match, dict[Team, bytes], list[Event], int]]:
     """Yield the unfinished matches whose identity is wanted.
 
     Yields
     ------
     tuple
-        The match at its very tick; the events that are due at once, if its last tick was its last; its journal, open for
-        appending, without a record that was cut short.
+        The match at its very tick; the public keys of who plays it; the events that are due at once, if its last tick was its
+        last; its journal, open for appending, without a record that was cut short.
     """
     for path in sorted(journals.glob("*.journal")):
-        data = path.read_bytes()
-        if _is_finished(data):
-            continue
         try:
-            whole = whole_part(data)
+            whole = whole_part(path.read_bytes())
             journal = read_journal(whole)
-            if not wanted(journal.header.identity):
+            if journal.ending is not None or journal.seals is None or not wanted(journal.header.identity):
                 continue
             match = Match(journal.header, terms, now_s)
             events = match.recover(journal)
@@ -40,11 +38,4 @@ def resume_matches(
         descriptor = os.open(path, os.O_WRONLY | os.O_APPEND)
         os.ftruncate(descriptor, len(whole))
         logger.info("resumed %s at tick %d", journal.header.identity, match.tick)
-        yield match, events, descriptor
-
-
-def _is_finished(data: bytes) -> bool:
-    try:
-        return read_journal(data).ending is not None
-    except JournalError:
-        return False
+        yield match, journal.seals.entries, events, descriptor

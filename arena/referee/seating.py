@@ -2,16 +2,21 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION, Team
 from arena.protocol import topics
-from arena.protocol.messages import PROTOCOL_VERSION, Closed, JoinRequest, Message, Refusal, Wait
+from arena.protocol.messages import Closed, JoinRequest, Message, Refusal, Wait
 from arena.referee.local import MatchPlan
 
-SeatId = tuple[str, int]
-"""A client process and one of its slots."""
+
+class SeatId(NamedTuple):
+    """Who has a seat, or wants one: an entry, one of its client processes, and one of that one's slots."""
+
+    entry: bytes
+    client: str
+    slot: int
 
 
 MOST_SLOTS = 256
@@ -35,6 +40,12 @@ class Seating(Protocol):
     def forget(self, seat: SeatId) -> None:
         """A seat that waited is gone."""
 
+    def close(self) -> None:
+        """Begin no more matches."""
+
+    def is_planned(self, names: set[str]) -> bool:
+        """Whether two entries are to meet again, on a map that they may know then."""
+
     @property
     def is_done(self) -> bool:
         """Whether no match will begin any more."""
@@ -44,8 +55,6 @@ def object_to(request: Message, ruleset: Ruleset) -> str:
     """Return why a request cannot be met whatever seats are free, or nothing."""
     if not isinstance(request, JoinRequest):
         return "this is no request for a seat"
-    if request.version != PROTOCOL_VERSION:
-        return f"the client speaks version {request.version} of the protocol, the pit {PROTOCOL_VERSION}; install the same"
     if request.rules_version != RULES_VERSION:
         return f"the client knows version {request.rules_version} of the rules, the pit {RULES_VERSION}; install the same"
     if request.rules_hash and request.rules_hash != ruleset.hash:
@@ -75,6 +84,10 @@ class OpenSeating:
     def close(self) -> None:
         """Begin no more matches."""
         self._left = 0
+
+    def is_planned(self, names: set[str]) -> bool:
+        """No: every match is its own fixture here, on a map of its own."""
+        return False
 
     def place(self, seat: SeatId, request: JoinRequest) -> Pairing | Wait | Refusal | Closed:
         """Seat a client on the team that it wants, if it is free."""
@@ -115,6 +128,14 @@ class PlannedSeating:
     def is_done(self) -> bool:
         """Whether every match has begun."""
         return not self._plans
+
+    def close(self) -> None:
+        """Begin no more matches."""
+        self._plans.clear()
+
+    def is_planned(self, names: set[str]) -> bool:
+        """Whether the fixture of two entries has matches that are still to begin."""
+        return any({plan.blue, plan.red} == names for plan in self._plans)
 
     def withdraw(self, identities: Iterable[str]) -> None:
         """Take off the plan the matches that run already."""

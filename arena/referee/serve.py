@@ -13,11 +13,14 @@ from arena.errors import InputError
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
 from arena.game.ruleset import Ruleset
 from arena.games import warm
+from arena.protocol.identity import Identity
 from arena.referee.local import MatchPlan
 from arena.referee.match import Terms
+from arena.referee.register import Register
 from arena.referee.seating import OpenSeating
 from arena.referee.service import Played, Referee
-from arena.transport import open_router
+from arena.referee.table import House
+from arena.transport import Certificate, open_router
 
 _DRAIN_S = 8.0
 """How long running matches may go on after the pit was told to stop; what is left then can be resumed."""
@@ -30,14 +33,18 @@ _FAREWELL_S = 2.0
 class PitSettings:
     """What `arena serve` is told."""
 
-    listen: str
     address: Address
+    """Where to listen, and the pit's name and key."""
+    identity: Identity
+    spectator_key: bytes
+    register: Register
     ruleset: Ruleset
     secret: bytes
     terms: Terms
     journals: Path
     n_matches: int | None = None
     fsync: bool = False
+    certificate: Certificate | None = None
 
 
 class Pit:
@@ -63,11 +70,26 @@ class Pit:
         """Serve until stopped, or until the last match is over; return how many matches were left to be resumed."""
         settings = self._settings
         warm(settings.ruleset)  # before anybody can ask: a client that hears no answer goes away
-        with _alone_in(settings.journals), open_router(settings.listen) as session:
+        with (
+            _alone_in(settings.journals),
+            open_router(settings.address.endpoint, settings.address.pit, settings.certificate) as session,
+        ):
+            house = House(
+                session=session,
+                pit=settings.address.pit,
+                identity=settings.identity,
+                spectator_key=settings.spectator_key,
+                fsync=settings.fsync,
+            )
             referee = Referee(
-                session, settings.address.pit, settings.ruleset, self._seating, settings.terms, settings.journals,
-                on_end=on_end, fsync=settings.fsync,
-            )  # fmt: skip
+                house,
+                settings.ruleset,
+                self._seating,
+                settings.terms,
+                settings.journals,
+                register=settings.register,
+                on_end=on_end,
+            )
             self._referee = referee
             on_open(len(referee.resume(lambda _: True)))
             try:

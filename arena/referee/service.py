@@ -1,6 +1,6 @@
-"""The referee on the network: one thread that owns every match, fed by a bounded queue.
+"""The referee on the network: one thread that owns every match, fed by bounded queues.
 
-Zenoh's callbacks put into the queue and do nothing else. What a tick changes is handed to the system, as its journal's next
+Zenoh's callbacks put into the queues and do nothing else. What a tick changes is handed to the system, as its journal's next
 record, before anybody is told of it.
 """
 
@@ -13,52 +13,38 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-from arena.errors import UnreadableError
-from arena.game.ruleset import Ruleset
-from arena.game.types import Team
+from arena.errors import ForgedError, UnreadableError
+from arena.game.ruleset import Ruleset, to_dict
+from arena.game.types import Ending, Team
 from arena.policy import MatchResult
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
-from arena.protocol.messages import (
-    Closed,
-    JoinRequest,
-    Lobby,
-    Orders,
-    Ready,
-    Refusal,
-    Wait,
-)  # fmt: skip
-from arena.referee.journal import Header, journal_name
+from arena.protocol.facts import check_receipt, sign_fact
+from arena.protocol.messages import Lobby, Orders, Ready, Receipt
+from arena.records.journal import CHAIN_BYTES, Header, journal_name
+from arena.referee.archive import Archive
+from arena.referee.door import Door
 from arena.referee.match import Ask, End, Event, Match, Publish, SeatRecord, Terms, Write
+from arena.referee.reception import MOST_GUESTS, Reception
+from arena.referee.register import Register
 from arena.referee.resume import resume_matches
-from arena.referee.seating import Pairing, SeatId, Seating, object_to
-from arena.referee.table import Table
-from arena.transport import Question, Sample, Session, read_key, read_payload
+from arena.referee.seating import Pairing, SeatId, Seating
+from arena.referee.table import Chair, House, Table
+from arena.transport import Question, Sample, read_key, read_payload
 
 logger = logging.getLogger(__name__)
 
 MOST_WAITING = 10_000
-"""Messages in the queue; what comes beyond is dropped, and asked for again."""
-HOLD_QUESTION_S = 4.0
-"""How long a client that waits for a seat is kept without an answer."""
-FORGET_WAITING_S = 15.0
-"""How long a seat stays reserved for a client that does not ask again."""
-MOST_GUESTS = 4_096
-"""Clients that may wait for a seat at once."""
-MOST_RUNNING = 256
-"""Matches at once; each costs an open file."""
+"""Messages in a queue; what comes beyond is dropped, and asked for again."""
+MOST_SUSPECT = 256
+"""Messages of a seat that do not open, in a sweep; what comes beyond is not tried."""
+FAREWELL_S = 2.0
+"""How long a match that is over waits for its receipts."""
 _SWEEP_S = 0.01
+_LOBBY_S = 0.5
+_MOST_ASKED = 16
 _MOST_LISTED = 200
 """Matches, and guests, that the lobby names."""
-
-
-@dataclass(slots=True)
-class _Guest:
-    """A client that waits for a seat."""
-
-    request: JoinRequest
-    question: Question | None
-    asked_at_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,48 +62,56 @@ class Referee:
 
     def __init__(
         self,
-        session: Session,
-        pit: str,
+        house: House,
         ruleset: Ruleset,
         seating: Seating,
         terms: Terms,
         journals: Path,
         *,
+        register: Register | None = None,
         on_end: Callable[[Played], None],
-        fsync: bool = False,
     ) -> None:
-        self._session, self._pit, self._ruleset = session, pit, ruleset
+        self._house, self._ruleset = house, ruleset
         self._seating, self._terms, self._journals = seating, terms, journals
-        self._on_end, self._fsync = on_end, fsync
+        self._on_end = on_end
         self._inbox: SimpleQueue[tuple[Callable[..., None], tuple[Any, ...]]] = SimpleQueue()
-        self._tables: dict[str, Table] = {}
-        self._held: dict[SeatId, tuple[str, Team]] = {}
-        self._guests: dict[SeatId, _Guest] = {}
+        self.tables: dict[str, Table] = {}
+        self.held: dict[SeatId, tuple[str, Team]] = {}
+        self._leaving: dict[str, tuple[Table, float]] = {}
+        """Matches that are over, and when they stop to wait for receipts."""
+        self._asked: dict[str, list[Question]] = {}
+        """Questions for the journals of those."""
         self._present: set[str] = set()
+        self._lobby, self._lobby_ends_s = b"", 0.0
         self._is_stopping = False
         self.n_dropped = 0
         self._n_begun = 0
         journals.mkdir(parents=True, exist_ok=True)
+        self._register = register or Register()
+        self._reception = Reception(self, Door(house.pit, house.identity), self._register, ruleset, seating)
+        self._archive = Archive(journals)
+        session, pit = house.session, house.pit
         session.watch_presence(topics.all_presence(pit), self._enqueue(self._on_presence))
         self._actions = session.collect(topics.all_actions(pit), MOST_WAITING)
         self._end_beat = session.beat(topics.beat(pit), _SWEEP_S)
-        session.answer(topics.join(pit), self._enqueue(self._on_join))
+        session.answer(topics.join(pit), self._enqueue(self._reception.hear))
         session.answer(topics.lobby(pit), self._enqueue(self._on_lobby))
+        session.answer(topics.all_journals(pit), self._enqueue(self._on_journal))
 
     @property
     def n_running(self) -> int:
         """Matches that are not over."""
-        return len(self._tables)
+        return len(self.tables)
+
+    @property
+    def is_deserted(self) -> bool:
+        """Whether no client is there, as far as they say so, and no match waits for its receipts."""
+        return not self._present and not self._leaving
 
     @property
     def matches(self) -> list[Match]:
         """The matches that are not over, in the order of their beginning."""
-        return [table.match for table in self._tables.values()]
-
-    @property
-    def is_deserted(self) -> bool:
-        """Whether no client is there, as far as they say so."""
-        return not self._present
+        return [table.match for table in self.tables.values()]
 
     def _enqueue(self, handle: Callable[..., None]) -> Callable[..., None]:
         """Return a callback that leaves its arguments for the one thread."""
@@ -159,15 +153,18 @@ class Referee:
     def close(self) -> None:
         """Put every match down as it stands: a later referee can resume it."""
         self._end_beat()
-        for table in self._tables.values():
+        for match in list(self._leaving):
+            self._part(match)
+        for table in self.tables.values():
             table.put_down()
-        self._tables.clear()
+        self.tables.clear()
 
     def resume(self, wanted: Callable[[str], bool]) -> list[str]:
         """Take up the unfinished matches whose identity is wanted; return their identities."""
         resumed = []
-        for match, events, journal in resume_matches(self._journals, self._terms, time.monotonic(), wanted):
-            table = self._seat(match, dict.fromkeys(Team), journal)
+        for match, entries, events, journal in resume_matches(self._journals, self._terms, time.monotonic(), wanted):
+            table = Table(self._house, match, entries, journal)
+            self.tables[table.id] = table
             self._carry_out(table, events)
             resumed.append(match.header.identity)
         return resumed
@@ -181,12 +178,11 @@ class Referee:
                 self._present.add(client)
             return
         self._present.discard(client)
+        self._reception.lose(client)
         now_s = time.monotonic()
-        for seat in [seat for seat in self._guests if seat[0] == client]:
-            self._forget_guest(seat)
-        for seat in [seat for seat in self._held if seat[0] == client]:
-            match_id, team = self._held.pop(seat)
-            table = self._tables[match_id]
+        for seat in [seat for seat in self.held if seat.client == client]:
+            match_id, team = self.held.pop(seat)
+            table = self.tables[match_id]
             self._carry_out(table, table.match.leave(team, now_s))
 
     def _on_action(self, sample: Sample) -> None:
@@ -194,116 +190,104 @@ class Referee:
             match_id, team = topics.read_action(read_key(sample))
         except UnreadableError:
             return
-        table = self._tables.get(match_id)
+        table = self.tables.get(match_id)
         if table is None:
+            if match_id in self._leaving:
+                self._on_receipt(self._leaving[match_id][0], team, sample)
             return
-        chair = table.chairs[team]
-        try:
-            message = decode(chair.seal.open(read_payload(sample)))
-        except UnreadableError:
-            table.match.garble(team)
-            return
+        message = self._open(table, table.chairs[team], team, sample)
         if type(message) is Orders:
             self._carry_out(table, table.match.submit(team, message.tick, message.actions, time.monotonic()))
         elif type(message) is Ready:
             table.send_history(team, message.known_ticks)
             self._carry_out(table, table.match.ready(team, time.monotonic()))
-        else:
+        elif message is not None:
             table.match.garble(team)
 
-    def _on_join(self, question: Question) -> None:
+    def _open(self, table: Table, chair: Chair, team: Team, sample: Sample) -> Any:
+        """Return the message of a seat, or None: junk on its key is counted, and uses up nothing of the seat's."""
+        if chair.opener is None or chair.n_suspect >= MOST_SUSPECT:
+            table.match.suspect(team)
+            return None
         try:
-            request = decode(question.payload)
-        except UnreadableError as error:
-            question.answer(encode(Refusal(reason=f"the request cannot be read: {error}")))
-            return
-        refusal = object_to(request, self._ruleset)
-        if refusal or not isinstance(request, JoinRequest):
-            question.answer(encode(Refusal(reason=refusal or "this is no request for a seat")))
-            return
-        seat = (request.client, request.slot)
-        held = self._held.get(seat) or self._vacancy(seat, request)
-        if held is not None:
-            match_id, team = held
-            if seat in self._guests:
-                self._forget_guest(seat)
-            self._take(self._tables[match_id], team, seat)
-            question.answer(encode(self._tables[match_id].ticket(team)))
-            return
-        if request.match:
-            question.answer(encode(Wait(reason="for another match, since that one is over")))
-            return
-        before = self._guests.get(seat)
-        if before is not None and before.question is not None:
-            before.question.answer(encode(Wait(reason="for an opponent")))
-        if before is None and len(self._guests) >= MOST_GUESTS:
-            question.answer(encode(Refusal(reason=f"{MOST_GUESTS} clients wait already; come again later")))
-            return
-        self._guests[seat] = _Guest(request, question, time.monotonic())
-        if len(self._tables) >= MOST_RUNNING:
-            return  # it hears Wait in time, and asks again
-        answer = self._seating.place(seat, request)
-        if isinstance(answer, Pairing):
-            self._begin(answer)
-        elif not isinstance(answer, Wait):
-            self._forget_guest(seat)
-            question.answer(encode(answer))
+            opened = chair.opener.open(read_payload(sample))
+        except ForgedError:
+            chair.n_suspect += 1
+            table.match.suspect(team)
+            return None
+        try:
+            return decode(opened)
+        except UnreadableError:
+            table.match.garble(team)
+            return None
+
+    def _on_receipt(self, table: Table, team: Team, sample: Sample) -> None:
+        chair = table.chairs[team]
+        message = self._open(table, chair, team, sample)
+        if isinstance(message, Receipt) and len(message.head) == CHAIN_BYTES and 0 <= message.n_shown < 1 << 32:
+            try:
+                check_receipt(chair.entry, table.id, team, message)
+            except ForgedError:
+                return
+            table.accept(team, message)
+            if table.has_receipts:
+                self._part(table.id)
 
     def _on_lobby(self, question: Question) -> None:
-        matches = [(table.id, table.match) for table in self._tables.values()]
-        running = [{"match": id, "blue": m.header.blue, "red": m.header.red, "tick": m.tick} for id, m in matches]
-        lobby = Lobby(
-            pit=self._pit,
+        now_s = time.monotonic()
+        if now_s >= self._lobby_ends_s:
+            self._lobby, self._lobby_ends_s = encode(sign_fact(self._house.identity, self._describe())), now_s + _LOBBY_S
+        question.answer(self._lobby)
+
+    def _describe(self) -> Lobby:
+        matches = [(table.id, table.match) for table in self.tables.values()]
+        return Lobby(
+            pit=self._house.pit,
             rules=self._ruleset.name,
             rules_hash=self._ruleset.hash,
+            ruleset={"name": self._ruleset.name, **to_dict(self._ruleset)},
+            needs_invite=self._register.needs_invite,
             n_begun=self._n_begun,
-            running=running[:_MOST_LISTED],
-            waiting=[guest.request.name for guest in self._guests.values()][:_MOST_LISTED],
+            running=[
+                {"match": id, "blue": match.header.blue, "red": match.header.red, "tick": match.tick}
+                for id, match in matches[:_MOST_LISTED]
+            ],
+            waiting=[guest.request.name for guest in self._reception.guests.values()][:_MOST_LISTED],
         )
-        question.answer(encode(lobby))
 
-    def _vacancy(self, seat: SeatId, request: JoinRequest) -> tuple[str, Team] | None:
-        """Return the seat of a running match that the same entry has left, the asker's own first, if there is one."""
-        vacant = [
-            (table.id, team)
-            for table in self._tables.values()
-            for team, chair in table.chairs.items()
-            if chair.name == request.name and request.team in ("any", team.name.lower()) and chair.holder not in self._held
-        ]
-        own = [place for place in vacant if self._tables[place[0]].chairs[place[1]].holder == seat]
-        return next(iter(own + vacant), None)
+    def _on_journal(self, question: Question) -> None:
+        match = topics.read_journal(question.key)
+        if match in self._leaving and len(self._asked.setdefault(match, [])) < _MOST_ASKED:
+            self._asked[match].append(question)  # it is whole in a moment
+        else:
+            question.answer(self._archive.answer(match, question.payload))
 
     # What is done
 
-    def _begin(self, pairing: Pairing) -> None:
+    def begin(self, pairing: Pairing, entries: dict[Team, bytes]) -> Table:
+        """Begin a match of two entries, whose public keys are given."""
         self._n_begun += 1
         plan = pairing.plan
         header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
         match = Match(header, self._terms, time.monotonic())
         path = self._journals / journal_name(header.identity)
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o600)
-        table = self._seat(match, {team: pairing.seats[team] for team in Team}, descriptor)
-        table.write(match.start_record)
-        logger.info("match %s begins: blue %s, red %s", header.identity, header.blue, header.red)
+        table = Table(self._house, match, entries, descriptor)
+        table.write(match.start_record + table.seats_record)
+        self.tables[table.id] = table
         for team, seat in pairing.seats.items():
-            guest = self._guests.pop(seat)
-            if guest.question is not None:
-                guest.question.answer(encode(table.ticket(team)))
-
-    def _seat(self, match: Match, holders: dict[Team, SeatId | None], journal: int) -> Table:
-        """Set up the network side of a match."""
-        table = Table(self._session, self._pit, match, holders, journal, fsync=self._fsync)
-        self._tables[table.id] = table
-        self._held |= {seat: (table.id, team) for team, seat in holders.items() if seat is not None}
+            table.chairs[team].holder = seat
+            self.held[seat] = (table.id, team)
+        logger.info("match %s begins: blue %s, red %s", header.identity, header.blue, header.red)
         return table
 
-    def _take(self, table: Table, team: Team, seat: SeatId) -> None:
-        """Give a seat to the client that asks for it, from whichever process held it before."""
-        chair = table.chairs[team]
-        if chair.holder is not None:
-            self._held.pop(chair.holder, None)
-        chair.holder = seat
-        self._held[seat] = (table.id, team)
+    def take_away(self, table: Table, team: Team, why: str) -> None:
+        """Have a seat forfeit its match."""
+        self._carry_out(table, table.match.forfeit(team, why))
+
+    def abort(self, table: Table, why: str) -> None:
+        """End a match by a fault that is no seat's."""
+        self._carry_out(table, table.match.void(why))
 
     def _carry_out(self, table: Table, events: Iterable[Event]) -> None:
         for event in events:
@@ -312,7 +296,7 @@ class Referee:
             elif type(event) is Write:
                 table.write(event.data)
             elif type(event) is Publish:
-                table.publish_facts()
+                table.publish()
             elif type(event) is End:
                 self._finish(table, event.result)
 
@@ -321,28 +305,35 @@ class Referee:
         table.end(result)
         for chair in table.chairs.values():
             if chair.holder is not None:
-                self._held.pop(chair.holder, None)
-        del self._tables[table.id]
+                self.held.pop(chair.holder, None)
+            if match.tick and result.ending is not Ending.VOID:
+                self._register.claim(chair.name, chair.entry)
+        del self.tables[table.id]
+        self._leaving[table.id] = (table, time.monotonic() + FAREWELL_S)
         logger.info("match %s: %s, winner %s", match.header.identity, result.ending.name.lower(), result.winner)
         self._on_end(Played(header=match.header, result=result, seats={team: match.record(team) for team in Team}))
 
+    def _part(self, match: str) -> None:
+        """Close the journal of a match that is over; it may be seen once its whole fixture is."""
+        table, _ = self._leaving.pop(match)
+        table.close()
+        header = table.match.header
+        self._archive.add(table.id, header, is_open=lambda: self._is_fixture_over({header.blue, header.red}))
+        for question in self._asked.pop(match, []):
+            question.answer(self._archive.answer(match, question.payload))
+
+    def _is_fixture_over(self, names: set[str]) -> bool:
+        is_running = any({table.match.header.blue, table.match.header.red} == names for table in self.tables.values())
+        return not is_running and not self._seating.is_planned(names)
+
     def _sweep(self, now_s: float) -> None:
         """Let time pass for everyone."""
-        for table in list(self._tables.values()):
+        self._reception.serve()
+        for table in list(self.tables.values()):
+            for chair in table.chairs.values():
+                chair.n_suspect = 0
             self._carry_out(table, table.match.advance(now_s))
-        for seat, guest in list(self._guests.items()):
-            waited_s = now_s - guest.asked_at_s
-            if guest.question is not None and (waited_s >= HOLD_QUESTION_S or self._seating.is_done):
-                answer = (
-                    Closed(reason="the pit begins no more matches") if self._seating.is_done else Wait(reason="for an opponent")
-                )
-                guest.question.answer(encode(answer))
-                guest.question = None
-                if self._seating.is_done:
-                    self._forget_guest(seat)
-            elif waited_s >= FORGET_WAITING_S:
-                self._forget_guest(seat)
-
-    def _forget_guest(self, seat: SeatId) -> None:
-        self._guests.pop(seat, None)
-        self._seating.forget(seat)
+        for match, (_, end_s) in list(self._leaving.items()):
+            if now_s >= end_s:
+                self._part(match)
+        self._reception.sweep(now_s)

@@ -1,9 +1,8 @@
-"""The network side of one match: who sits where, what they are sent, and its journal."""
+"""The network side of one match: who sits where, what they are sent under which keys, and its journal."""
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from hashlib import sha256
+from dataclasses import dataclass
 
 from arena.errors import ArenaError
 from arena.game.ruleset import to_dict
@@ -11,13 +10,30 @@ from arena.game.types import Team
 from arena.policy import MatchResult
 from arena.protocol import topics
 from arena.protocol.codec import encode
-from arena.protocol.messages import Ended, Facts, History, Message, Ticket, Turn
-from arena.protocol.sealing import OpenSeal
+from arena.protocol.facts import commit, sign_fact, sign_journal
+from arena.protocol.handshake import Caller, new_secret
+from arena.protocol.identity import Identity
+from arena.protocol.messages import Commitment, Ended, Facts, History, Message, Receipt, Ticket, Truth, Turn
+from arena.protocol.sealing import Opener, Sealer, truth_sealer
+from arena.records.journal import match_id, write_receipt, write_seats, write_signature
 from arena.referee.match import Ask, Match
 from arena.referee.seating import SeatId
 from arena.transport import Put, Session
 
 _HISTORY_BYTES = 50_000
+_TURN_EXTRA_BYTES = 32
+"""What a `Turn` is longer than its observation, at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class House:
+    """What all tables of a pit share."""
+
+    session: Session
+    pit: str
+    identity: Identity
+    spectator_key: bytes | None = None
+    fsync: bool = False
 
 
 @dataclass(slots=True)
@@ -25,31 +41,48 @@ class Chair:
     """A seat of the match on the network."""
 
     name: str
-    holder: SeatId | None
-    """Who has it, or had it before vanishing; None after a restart of the pit, until somebody comes back."""
+    entry: bytes
+    """The public key that it belongs to."""
     put: Put
     end: Callable[[], None]
-    seal: OpenSeal = field(default_factory=OpenSeal)
+    holder: SeatId | None = None
+    """Who has it, or had it before vanishing; None after a restart of the pit, until somebody comes back."""
+    sealer: Sealer | None = None
+    opener: Opener | None = None
+    sent: tuple[int, bytes] = (-1, b"")
+    """The last turn as it was sealed: a resend under one key repeats it."""
+    n_suspect: int = 0
+    """Messages of late that did not open."""
+    receipt: Receipt | None = None
 
 
 class Table:
     """A running match, its two chairs, and its journal."""
 
-    def __init__(
-        self, session: Session, pit: str, match: Match, holders: dict[Team, SeatId | None], journal: int, *, fsync: bool
-    ) -> None:
-        self.match = match
-        self.id = sha256(match.header.identity.encode()).hexdigest()[:16]
-        self._journal, self._fsync = journal, fsync
+    def __init__(self, house: House, match: Match, entries: dict[Team, bytes], journal: int) -> None:
+        self.match, self._house = match, house
+        self.id = match_id(match.header.identity)
+        self._journal = journal
+        session, pit = house.session, house.pit
         self._public = session.broadcast(topics.public(pit, self.id))
+        self._truth = session.broadcast(topics.truth(pit, self.id))
+        self._salt = new_secret()
+        self._truth_sealer = house.spectator_key and truth_sealer(house.spectator_key, self._salt, pit, self.id)
         self.chairs: dict[Team, Chair] = {}
         for team, name in zip(Team, (match.header.blue, match.header.red), strict=True):
             put, end = session.publisher(topics.observation(pit, self.id, team))
-            self.chairs[team] = Chair(name, holders[team], put, end)
+            self.chairs[team] = Chair(name, entries[team], put, end)
+        commitment = sign_fact(house.identity, Commitment(match=self.id, digest=commit(self.id, match.header.keys)))
+        self._commitment = encode(commitment)
+        self.seats_record = write_seats(house.identity.public, entries, commitment.signature)
 
-    def ticket(self, team: Team) -> Ticket:
-        """Return what a client needs to take a seat."""
-        ruleset, terms = self.match.header.ruleset, self.match.terms
+    def seat(self, team: Team, caller: Caller, holder: SeatId) -> Ticket:
+        """Give a seat to who called, under keys of its own, from whichever process had it before."""
+        ruleset, terms, chair = self.match.header.ruleset, self.match.terms, self.chairs[team]
+        secret = new_secret()
+        n_bytes = self.match.n_shown_bytes(team) + _TURN_EXTRA_BYTES
+        chair.sealer, chair.opener = caller.sit(self.id, team, secret, n_bytes)
+        chair.sent, chair.holder = (-1, b""), holder
         return Ticket(
             match=self.id,
             team=int(team),
@@ -58,13 +91,15 @@ class Table:
             turn_time_s=terms.turn_time_s,
             bank_s=terms.bank_s,
             tick=self.match.tick,
+            secret=secret,
+            commitment=self._commitment,
         )
 
     def write(self, data: bytes) -> None:
         """Append to the journal, all or nothing; what cannot be written ends the pit before anybody hears of it."""
         try:
             n_written = os.write(self._journal, data)
-            if self._fsync:
+            if self._house.fsync:
                 os.fdatasync(self._journal)
         except OSError as error:
             raise ArenaError(f"cannot write a journal: {error.strerror}") from error
@@ -73,13 +108,23 @@ class Table:
 
     def ask(self, ask: Ask) -> None:
         """Send a seat its observation."""
-        self._send(ask.team, Turn(tick=ask.tick, observation=ask.observation))
+        chair = self.chairs[ask.team]
+        if chair.sealer is None:
+            return
+        if chair.sent[0] != ask.tick:
+            chair.sent = ask.tick, chair.sealer.close(encode(Turn(tick=ask.tick, observation=ask.observation)), ask.tick)
+        chair.put(chair.sent[1])
 
-    def publish_facts(self) -> None:
-        """Tell everyone what everyone may know of the tick."""
+    def publish(self) -> None:
+        """Tell everyone what everyone may know of the tick, and spectators with the key all of it."""
+        tick = self.match.tick
         if self._public.is_heard:
             blue, red, score = self.match.facts
-            self._public.put(encode(Facts(tick=self.match.tick, living=[blue, red], score=score)))
+            self._public.put(encode(Facts(tick=tick, living=[blue, red], score=score, commitment=self._commitment)))
+        if self._truth_sealer and self._truth.is_heard:
+            board, seen = self.match.truth()
+            sealed = self._truth_sealer.close(encode(Truth(tick=tick, board=board, seen=seen)), tick)
+            self._truth.put(self._salt + sealed)
 
     def send_history(self, team: Team, known_ticks: int) -> None:
         """Send what a seat was shown before it came back, in pieces that fit a message."""
@@ -93,8 +138,9 @@ class Table:
             self._send(team, History(first_tick=known + first, observations=observations[piece], orders=orders[piece]))
 
     def end(self, result: MatchResult) -> None:
-        """Tell everyone how the match ended, and let go of it."""
+        """Tell everyone how the match ended."""
         ended = Ended(
+            match=self.id,
             ending=result.ending.name.lower(),
             winner=None if result.winner is None else result.winner.name.lower(),
             score=result.score,
@@ -102,11 +148,29 @@ class Table:
             reason=result.reason,
             faults={team.name.lower(): self.match.record(team).faults() for team in Team},
         )
-        for team, chair in self.chairs.items():
-            self._send(team, ended)
+        signed = sign_fact(self._house.identity, ended)
+        for team in Team:
+            self._send(team, signed)
+        self._public.put(encode(signed))
+
+    def accept(self, team: Team, receipt: Receipt) -> None:
+        """Put a seat's receipt into the journal, once."""
+        if self.chairs[team].receipt is None:
+            self.chairs[team].receipt = receipt
+            self.write(write_receipt(team, receipt))
+
+    @property
+    def has_receipts(self) -> bool:
+        """Whether both seats gave theirs."""
+        return all(chair.receipt is not None for chair in self.chairs.values())
+
+    def close(self) -> None:
+        """Sign the journal, and let go of it all."""
+        self.write(write_signature(sign_journal(self._house.identity, self.match.head)))
+        for chair in self.chairs.values():
             chair.end()
-        self._public.put(encode(ended))
         self._public.end()
+        self._truth.end()
         self.put_down()
 
     def put_down(self) -> None:
@@ -115,4 +179,5 @@ class Table:
 
     def _send(self, team: Team, message: Message) -> None:
         chair = self.chairs[team]
-        chair.put(chair.seal.close(encode(message)))
+        if chair.sealer is not None:
+            chair.put(chair.sealer.close(encode(message), self.match.tick))

@@ -20,7 +20,7 @@ from arena.observation import Observations
 from arena.policy import BatchPolicy, MatchResult
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn, Wait
-from arena.referee.journal import Header, read_journal
+from arena.records.journal import Header, read_journal
 from arena.referee.local import MatchPlan, play_batch
 from arena.referee.match import Ask, End, Event, Match, Phase, Terms, Write
 from arena.referee.replay import verify
@@ -30,6 +30,7 @@ from policies import registry
 PAPER = load("paper")
 SHORT = PAPER.with_({"side": 10, "tick_limit": 25})
 NO_CLOCK = Terms(turn_time_s=None)
+COMMITMENT = bytes(32)
 
 
 def ticket(team: Team = Team.RED, ruleset: Ruleset = PAPER, **changes: Any) -> Ticket:
@@ -41,6 +42,8 @@ def ticket(team: Team = Team.RED, ruleset: Ruleset = PAPER, **changes: Any) -> T
         turn_time_s=None,
         bank_s=0.0,
         tick=0,
+        secret=bytes(32),
+        commitment=b"",
     )
     return replace(plain, **changes)
 
@@ -91,7 +94,7 @@ def seated(**changes: Any) -> tuple[Seat, Diary]:
         diaries.append(Diary(*arguments))
         return diaries[-1]
 
-    return Seat(ticket(**changes), make), diaries[0]
+    return Seat(ticket(**changes), COMMITMENT, make), diaries[0]
 
 
 def observations_of(n_ticks: int) -> list[bytes]:
@@ -160,10 +163,10 @@ def test_history_overlaps_or_comes_too_early_and_nothing_is_seen_twice() -> None
         Turn(tick=0, observation=SHOWN[0][:-1]),
         Turn(tick=0, observation=SHOWN[1]),
         Turn(tick=-1, observation=SHOWN[0]),
-        History(first_tick=0, observations=[b""], orders=[]),
-        History(first_tick=0, observations=[SHOWN[2]], orders=[]),
-        Ended(ending="rapture", winner=None, score=0, ticks=0, reason=""),
-        Ended(ending="capture", winner="green", score=0, ticks=0, reason=""),
+        History(first_tick=0, observations=[b""], orders=[bytes(6)]),
+        History(first_tick=0, observations=[SHOWN[2]], orders=[bytes(6)]),
+        Ended(match="m", ending="rapture", winner=None, score=0, ticks=0, reason=""),
+        Ended(match="m", ending="capture", winner="green", score=0, ticks=0, reason=""),
     ],
 )
 def test_what_no_referee_says_is_unreadable_and_changes_nothing(message: Message) -> None:
@@ -191,7 +194,7 @@ def test_the_policy_hears_once_how_the_match_ended_from_its_side(team: Team, sco
         seat.result()
 
     for _ in range(2):
-        seat.receive(Ended(ending="tick_limit", winner="blue", score=40, ticks=100, reason=""))
+        seat.receive(Ended(match="m", ending="tick_limit", winner="blue", score=40, ticks=100, reason=""))
 
     result = MatchResult(ending=Ending.TICK_LIMIT, winner=Team.BLUE, score=score, ticks=100)
     assert seat.result() == result
@@ -234,7 +237,7 @@ class Storm:
         self.ended: Ended | None = None
 
     def sit(self, team: Team) -> Seat:
-        return Seat(ticket(team, self.ruleset), self.makes[team])
+        return Seat(ticket(team, self.ruleset), COMMITMENT, self.makes[team])
 
     def carry_out(self, events: list[Event]) -> None:
         for event in events:
@@ -246,7 +249,7 @@ class Storm:
                 result = event.result
                 winner = None if result.winner is None else result.winner.name.lower()
                 self.ended = Ended(
-                    ending=result.ending.name.lower(), winner=winner, score=result.score, ticks=result.ticks, reason=""
+                    match="m", ending=result.ending.name.lower(), winner=winner, score=result.score, ticks=result.ticks, reason=""
                 )
 
     def hear(self, team: Team, data: bytes) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from arena.game.types import Ending
-from arena.referee.journal import Journal, load_journal, read_journal, whole_part
+from arena.records.journal import Journal, load_journal, read_journal, whole_part
 from arena.referee.replay import verify
 
 Start = Callable[..., Any]

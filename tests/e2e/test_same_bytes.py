@@ -9,11 +9,13 @@ from pathlib import Path
 from arena.errors import LostPitError
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
 from arena.game.ruleset import load
-from arena.referee.journal import journal_name
+from arena.protocol.identity import Identity
+from arena.records.journal import journal_name, load_journal, read_journal
 from arena.referee.local import MatchPlan, play
 from arena.referee.match import Terms
 from arena.referee.seating import PlannedSeating
 from arena.referee.service import Played, Referee
+from arena.referee.table import House
 from arena.transport import open_router
 from clients.runner import Runner, Settings
 from policies import registry
@@ -43,11 +45,10 @@ def play_on_the_network(wanted: list[MatchPlan], port: int, folder: Path, n_slot
     given_up = threading.Event()
     timer = threading.Timer(PATIENCE_S, given_up.set)
     timer.start()
-    with open_router(f"tcp/127.0.0.1:{port}") as session:
+    with open_router(f"tcp/127.0.0.1:{port}", "pit") as session:
         seating = PlannedSeating(wanted)
-        referee = Referee(
-            session, "pit", PAPER, seating, Terms(turn_time_s=None, grace_s=PATIENCE_S), folder, on_end=played.append
-        )
+        house = House(session=session, pit="pit", identity=Identity.make())
+        referee = Referee(house, PAPER, seating, Terms(turn_time_s=None, grace_s=PATIENCE_S), folder, on_end=played.append)
         names = sorted({name for plan in wanted for name in (plan.blue, plan.red)})
         runners = [
             Runner(
@@ -95,7 +96,9 @@ def test_the_network_venue_gives_the_journals_of_the_local_one(
 
     assert len(played) == len(wanted)
     for record in play(PAPER, wanted, registry.load, n_workers=1):
-        assert (tmp_path / journal_name(record.plan.identity)).read_bytes() == record.journal, record.plan.identity
+        journal = load_journal(tmp_path / journal_name(record.plan.identity))
+        assert journal.canonical == record.journal, record.plan.identity
+        assert journal.canonical_hash == read_journal(record.journal).canonical_hash
     for match in played:
         for seat in match.seats.values():
             assert not any(seat.faults().values()), match.header.identity

@@ -9,7 +9,19 @@ from hypothesis import strategies as st
 from arena.errors import UnreadableError
 from arena.game.ruleset import load, to_dict
 from arena.protocol.codec import MOST_BYTES, decode, encode
-from arena.protocol.messages import PROTOCOL_VERSION, Ended, JoinRequest, Message, Orders, Ready, Ticket, Turn
+from arena.protocol.messages import (
+    PROTOCOL_VERSION,
+    AdminRequest,
+    Commitment,
+    Ended,
+    JoinRequest,
+    Message,
+    Orders,
+    Ready,
+    Signed,
+    Ticket,
+    Turn,
+)
 
 KINDS: tuple[type, ...] = get_args(Message)
 WHOLE = st.integers(-(2**63), 2**64 - 1)
@@ -44,7 +56,11 @@ TICKET = Ticket(
     turn_time_s=None,
     bank_s=10.0,
     tick=7,
+    secret=bytes(range(32)),
+    commitment=encode(Signed(data=encode(Commitment(match="0123456789abcdef", digest=bytes(32))), signature=bytes(64))),
 )
+
+FILLED_IN = ["entry: bytes", "ephemeral: bytes", "reply_secret: bytes", "challenge: bytes", "pit_key: bytes"]
 
 
 @given(MESSAGES)
@@ -105,7 +121,9 @@ def test_random_bytes_are_a_message_or_unreadable(data: bytes) -> None:
 
 @given(
     st.one_of(
-        PLAIN, st.lists(PLAIN, max_size=9), st.builds(lambda *rest: [PROTOCOL_VERSION, *rest], st.integers(-2, 14), PLAIN, PLAIN)
+        PLAIN,
+        st.lists(PLAIN, max_size=9),
+        st.builds(lambda *rest: [PROTOCOL_VERSION, *rest], st.integers(-2, len(KINDS) + 1), PLAIN, PLAIN),
     )
 )
 def test_msgpack_that_is_no_message_is_unreadable_or_a_message(value: Any) -> None:
@@ -132,7 +150,7 @@ def test_msgpack_that_is_no_message_is_unreadable_or_a_message(value: Any) -> No
         b"\xdd\xff\xff\xff\xff",
         b"\xc6\xff\xff\xff\xff",
         b"\x91" * 50_000,
-        b"\x93\x01\x07\xa4\xff\xff\xff\xff",
+        b"\x93\x02\x07\xa4\xff\xff\xff\xff",
         b"\x82\x90\x01\x90\x02",
     ],
 )
@@ -162,9 +180,34 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
         for kind in KINDS
     }
 
-    assert PROTOCOL_VERSION == 1
+    assert PROTOCOL_VERSION == 2
+    assert [kind.__name__ for kind in KINDS] == [
+        "Hello",
+        "Challenge",
+        "Knock",
+        "Answer",
+        "JoinRequest",
+        "AdminRequest",
+        "Done",
+        "Ticket",
+        "Wait",
+        "Refusal",
+        "Closed",
+        "Ready",
+        "Turn",
+        "History",
+        "Orders",
+        "Signed",
+        "Commitment",
+        "Ended",
+        "Receipt",
+        "Facts",
+        "Truth",
+        "JournalRequest",
+        "JournalPiece",
+        "Lobby",
+    ]
     assert shape["JoinRequest"] == [
-        "version: int",
         "rules_version: int",
         "name: str",
         "team: str",
@@ -172,7 +215,20 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
         "slot: int",
         "rules_hash: str",
         "match: str",
+        "invite: str",
+        *FILLED_IN,
     ]
+    assert shape["AdminRequest"] == ["command: str", "target: str", *FILLED_IN]
+    assert shape["Challenge"] == ["pit_key: bytes", "sealing_key: bytes", "number: bytes", "signature: bytes"]
+    assert shape["Ticket"][-2:] == ["secret: bytes", "commitment: bytes"]
+    for name, only in (
+        ("Knock", ["sealed: bytes"]),
+        ("Answer", ["sealed: bytes"]),
+        ("Signed", ["data: bytes", "signature: bytes"]),
+    ):
+        assert shape[name] == only
+    assert shape["Commitment"] == ["match: str", "digest: bytes"]
+    assert shape["Receipt"] == ["n_shown: int", "head: bytes", "signature: bytes"]
     assert shape["Turn"] == ["tick: int", "observation: bytes"]
     assert shape["Orders"] == ["tick: int", "actions: bytes"]
 
@@ -184,5 +240,6 @@ def test_messages_of_a_turn_are_small() -> None:
 
 def test_every_kind_of_message_is_made_here() -> None:
     assert {type(example) for example in (TICKET, Ready(known_ticks=0))} < set(KINDS)
-    assert JoinRequest(rules_version=1, name="a", team="any", client="b", slot=0).version == PROTOCOL_VERSION
-    assert Ended(ending="capture", winner=None, score=0, ticks=1, reason="").faults == {}
+    assert JoinRequest(rules_version=1, name="a", team="any", client="b", slot=0).entry == b""
+    assert AdminRequest(command="ban", target="a").entry == b""
+    assert Ended(match="m", ending="capture", winner=None, score=0, ticks=1, reason="").faults == {}

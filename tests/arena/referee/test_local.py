@@ -16,7 +16,7 @@ from arena.game.ruleset import RULESETS, Ruleset, load
 from arena.game.types import Ending, Team
 from arena.observation import Observation
 from arena.policy import BatchFactory, MatchInfo, MatchResult
-from arena.referee.journal import Mark, journal_name, load_journal, read_journal
+from arena.records.journal import Mark, journal_name, load_journal, read_journal
 from arena.referee.local import MATCHES_PER_TASK, MatchPlan, MatchRecord, play, play_batch
 from arena.referee.replay import verify
 from policies import registry

@@ -13,7 +13,7 @@ from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Ending, Team
 from arena.protocol.sight import unpack
-from arena.referee.journal import Header, Journal, Mark, read_journal, whole_part
+from arena.records.journal import Header, Journal, Mark, read_journal, whole_part
 from arena.referee.match import WIN, Ask, End, Event, Match, Phase, Publish, Terms, Write
 from arena.referee.replay import verify
 
@@ -227,7 +227,7 @@ def test_orders_that_are_not_one_action_per_unit_let_those_units_stay(given_orde
     tick = table.read().ticks[0]
     assert list(tick.orders) == [0, 0, 0, *played]
     assert tick.marks == (Mark(0), Mark.UNREADABLE)
-    assert table.match.record(RED).faults() == {"late": 0, "unreadable": 1, "stale": 0, "garbled": 0, "vanished": 0}
+    assert table.match.record(RED).faults() == {"late": 0, "unreadable": 1, "stale": 0, "garbled": 0, "forged": 0, "vanished": 0}
 
 
 def test_a_mark_is_of_its_own_tick_alone() -> None:
@@ -380,7 +380,7 @@ def test_a_seat_that_comes_back_is_asked_and_its_clock_goes_on_where_it_stood() 
     assert table.do(table.match.ready(RED, 9.5)) == ["ask red 0"]
     assert table.do(table.match.advance(11.9)) == []
     assert table.do(table.match.advance(12.0))[0] == "write"
-    assert table.match.record(RED).faults() == {"late": 1, "unreadable": 0, "stale": 0, "garbled": 0, "vanished": 1}
+    assert table.match.record(RED).faults() == {"late": 1, "unreadable": 0, "stale": 0, "garbled": 0, "forged": 0, "vanished": 1}
 
 
 def test_leaving_and_coming_back_at_once_wins_no_time() -> None:

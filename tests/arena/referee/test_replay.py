@@ -11,7 +11,7 @@ from arena.game.state import Fact
 from arena.game.types import Ending, Team
 from arena.games import Games
 from arena.policy import BatchFactory, MatchResult
-from arena.referee.journal import read_journal, write_ending
+from arena.records.journal import read_journal, write_ending
 from arena.referee.local import MatchPlan, MatchRecord, play_batch
 from arena.referee.replay import BrokenChainError, match_result, replay, verify
 from policies import registry

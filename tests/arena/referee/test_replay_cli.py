@@ -15,7 +15,7 @@ import pytest
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team
 from arena.policy import BatchFactory
-from arena.referee.journal import Journal, read_journal, save_journal
+from arena.records.journal import Journal, read_journal, save_journal
 from arena.referee.local import MatchPlan, MatchRecord, play_batch
 from arena.referee.replay import replay
 from arena.view import draw_board

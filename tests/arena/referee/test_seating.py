@@ -18,14 +18,14 @@ def plan(blue: str, red: str, number: int = 0) -> MatchPlan:
 def ask(seating: Any, name: str, team: str = "any", slot: int = 0) -> Any:
     """Ask for a seat as the process of an entry, and show a pairing as who sits where."""
     request = JoinRequest(rules_version=RULES_VERSION, name=name, team=team, client=name, slot=slot)
-    answer = seating.place((name, slot), request)
+    answer = seating.place(seat(name, slot), request)
     if isinstance(answer, Pairing):
         return answer.plan.identity, answer.seats[Team.BLUE], answer.seats[Team.RED]
     return answer
 
 
 def seat(name: str, slot: int = 0) -> SeatId:
-    return name, slot
+    return SeatId(name.encode(), name, slot)
 
 
 # Whoever comes

@@ -19,84 +19,11 @@ from arena.game.types import RULES_VERSION, Team
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import Closed, Ended, JoinRequest, Orders, Ready, Refusal, Ticket, Turn, Wait
-from arena.referee.journal import Mark, load_journal
+from arena.records.journal import Mark, load_journal
 from arena.referee.replay import verify
 
 PATIENCE_S = 60.0
 Start = Callable[..., Any]
-
-
-class Stranger:
-    """A raw Zenoh session that knows the protocol, and need not keep to it."""
-
-    def __init__(self, port: int) -> None:
-        config = zenoh.Config()
-        for key, value in (
-            ("mode", "client"),
-            ("connect/endpoints", [f"tcp/127.0.0.1:{port}"]),
-            ("scouting/multicast/enabled", False),
-        ):
-            config.insert_json5(key, json.dumps(value))
-        self.session = zenoh.open(config)
-        self.client = uuid.uuid4().hex
-        self.heard: SimpleQueue[Any] = SimpleQueue()
-        self.match = ""
-        self.team = Team.BLUE
-
-    def close(self) -> None:
-        self.session.close()
-
-    def ask_raw(self, payload: bytes) -> Any:
-        answers: SimpleQueue[bytes] = SimpleQueue()
-        self.session.get(
-            topics.join("pit"),
-            lambda reply: answers.put(reply.ok.payload.to_bytes() if reply.ok else b""),
-            payload=payload,
-            timeout=30.0,
-        )
-        return decode(answers.get(timeout=PATIENCE_S))
-
-    def ask(self, **changes: Any) -> Any:
-        values = {"rules_version": RULES_VERSION, "name": "eve", "team": "any", "client": self.client, "slot": 0, **changes}
-        return self.ask_raw(encode(JoinRequest(**values)))
-
-    def sit(self, **changes: Any) -> Ticket:
-        """Ask until there is a seat, and listen there."""
-        answer = self.ask(**changes)
-        while isinstance(answer, Wait):
-            answer = self.ask(**changes)
-        assert isinstance(answer, Ticket), answer
-        self.match, self.team = answer.match, Team(answer.team)
-        self.session.declare_subscriber(
-            topics.observation("pit", answer.match, self.team), lambda sample: self.heard.put(decode(sample.payload.to_bytes()))
-        )
-        return answer
-
-    def say(self, message: Any, **where: Any) -> None:
-        data = message if isinstance(message, bytes) else encode(message)
-        self.session.put(
-            where.get("key", topics.action("pit", self.match, self.team)), data, congestion_control=zenoh.CongestionControl.BLOCK
-        )
-
-    def next(self, kind: type) -> Any:
-        """Return the next message of a kind."""
-        while True:
-            message = self.heard.get(timeout=PATIENCE_S)
-            if isinstance(message, kind | Ended):
-                assert isinstance(message, kind), message
-                return message
-
-
-@pytest.fixture
-def stranger(port: int) -> Iterator[Callable[[], Stranger]]:
-    with ExitStack() as open_sessions:
-
-        def enter() -> Stranger:
-            one = Stranger(port)
-            open_sessions.callback(one.close)
-            return one
-
-        yield enter
 
 
 def test_junk_is_counted_and_the_match_ends(serve: Start, join: Start, stranger: Callable[[], Stranger], tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from arena.errors import InputError, JournalError
 from arena.game.ruleset import RULESETS, Ruleset, load
 from arena.game.types import RULES_VERSION, Ending, Team
 from arena.policy import MatchResult
-from arena.referee.journal import (
+from arena.records.journal import (
     CHAIN_BYTES,
     MAGIC,
     Mark,

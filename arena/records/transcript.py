@@ -1,0 +1,251 @@
+"""The transcript of a seat: what it was shown in one match and what it answered, kept by its client on its own disk.
+
+It is the client's own help, without any truth: a disk that fails ends the transcript and not the match.
+
+    magic                                               19 bytes
+    "H"  length (uint32)  header (msgpack)              pit, match, seat, rules
+    "T"  observation  orders                            one a tick: as `arena.protocol.sight` packs it, a byte per own unit
+    "E"  length (uint32)  ending (msgpack)  SHA-256     once the match is over: of all bytes before the hash
+"""
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+from urllib.parse import quote
+
+import msgpack
+
+from arena.errors import InputError, JournalError, UnreadableError
+from arena.game.ruleset import Ruleset
+from arena.game.types import RULES_VERSION, Team
+from arena.observation import Observation
+from arena.policy import MatchResult
+from arena.protocol.sight import Reader, pack, timeless
+from arena.records.frames import (
+    CutShortError,
+    FrameReader,
+    link,
+    load,
+    pack_ending,
+    pack_frame,
+    read_ending,
+    read_header,
+    rules_values,
+)
+
+logger = logging.getLogger(__name__)
+
+MAGIC = b"ARENA-TRANSCRIPT-1\n"
+HEAD_BYTES = 32
+_KIND = "transcript"
+_BUFFER_BYTES = 1 << 16
+_TEXTS = ("match", "pit", "name", "opponent")
+_HASHES = ("pit_key", "entry_key", "commitment")
+
+
+class Head:
+    """The hash chain over all that a seat was shown in a match, which the client signs and the referee computes for itself."""
+
+    def __init__(self) -> None:
+        self.digest = bytes(HEAD_BYTES)
+
+    def add(self, observation: bytes) -> None:
+        """Take the observation of the next tick; its clock does not count."""
+        self.digest = link(self.digest, timeless(observation))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TranscriptHeader:
+    """Which seat of which match a transcript is of."""
+
+    match: str
+    pit: str
+    pit_key: bytes
+    """Public; 32 bytes, as every key and hash here."""
+    entry_key: bytes
+    name: str
+    """Of the entry."""
+    opponent: str
+    team: Team
+    ruleset: Ruleset
+    commitment: bytes
+    """To the match's key, as the pit gave it before the first tick."""
+
+    def pack(self) -> bytes:
+        """Return the header's bytes."""
+        named = {name: getattr(self, name) for name in _TEXTS + _HASHES}
+        rules = rules_values(self.ruleset)
+        return bytes(msgpack.packb({"rules_version": RULES_VERSION, **named, "team": self.team.name.lower(), "ruleset": rules}))
+
+    @classmethod
+    def unpack(cls, data: bytes) -> "TranscriptHeader":
+        """Read what `pack` wrote; `JournalError` if it is no header, or one of another version of the rules."""
+        return read_header(data, _KIND, cls._make)
+
+    @classmethod
+    def _make(cls, values: dict[str, Any], ruleset: Ruleset) -> "TranscriptHeader":
+        if not all(isinstance(values[name], str) for name in _TEXTS):
+            raise JournalError("the transcript's header was changed: a name is not text")
+        if any(not isinstance(values[name], bytes) or len(values[name]) != HEAD_BYTES for name in _HASHES):
+            raise JournalError("the transcript's header was changed: a key is not 32 bytes")
+        given = {name: values[name] for name in _TEXTS + _HASHES}
+        return cls(team=Team[values["team"].upper()], ruleset=ruleset, **given)
+
+
+class TranscriptWriter:
+    """Writes a transcript over one of the same name, readable by its owner alone.
+
+    Raises
+    ------
+    InputError
+        The file cannot be opened. What fails later is logged once, and nothing more is written.
+    """
+
+    def __init__(self, path: Path, header: TranscriptHeader) -> None:
+        self._path, self._hash = path, sha256()
+        try:
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+            os.fchmod(descriptor, 0o600)  # a file that was there keeps its mode otherwise
+        except OSError as error:
+            raise InputError(f"cannot write the transcript {path}: {error.strerror}") from error
+        self._file = os.fdopen(descriptor, "wb", _BUFFER_BYTES)
+        self._write(MAGIC + pack_frame(b"H", header.pack()))
+
+    def __enter__(self) -> "TranscriptWriter":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def add(self, observation: bytes, orders: bytes) -> None:
+        """Keep one tick: an observation that could be read, and one order per own unit."""
+        self._write(b"T" + observation + orders)
+
+    def end(self, result: MatchResult) -> None:
+        """Keep how the match ended, and close the file; `result.score` is the seat's own."""
+        self._write(pack_frame(b"E", pack_ending(result)))
+        self._write(self._hash.digest())
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; without an ending it can be read all the same."""
+        try:
+            self._file.close()
+        except OSError as error:
+            self._give_up(error)
+
+    def _write(self, data: bytes) -> None:
+        if self._file.closed:
+            return
+        try:
+            self._file.write(data)
+            self._hash.update(data)
+        except OSError as error:
+            self._give_up(error)
+
+    def _give_up(self, error: OSError) -> None:
+        logger.warning("the transcript %s ends here: %s", self._path, error.strerror)
+        with suppress(OSError):
+            self._file.close()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transcript:
+    """A transcript as read from its bytes: every observation is one, of its own tick."""
+
+    header: TranscriptHeader
+    ticks: list[tuple[bytes, bytes]]
+    """The observation and the orders of each tick, from 0."""
+    ending: MatchResult | None
+    """`score` is the seat's own; None if the match went on."""
+    is_whole: bool
+    """False if its last record was cut short."""
+
+    @cached_property
+    def head(self) -> bytes:
+        """The digest of its `Head`."""
+        head = Head()
+        for observation, _ in self.ticks:
+            head.add(observation)
+        return head.digest
+
+    def observations(self) -> Iterator[Observation]:
+        """Yield what the seat was shown, as a bot gets it."""
+        reader = Reader(self.header.ruleset, self.header.team)
+        for observation, _ in self.ticks:
+            yield reader.read(observation).seat(0, self.header.ruleset)
+
+
+def read_transcript(data: bytes) -> Transcript:
+    """Read a transcript's bytes; one whose last record was cut short is read up to there.
+
+    Raises
+    ------
+    JournalError
+        It is truncated within its header, was changed, or is not a transcript; the sentence says where.
+    """
+    source = FrameReader(data, _KIND)
+    header = TranscriptHeader.unpack(source.take_start(MAGIC))
+    reader = Reader(header.ruleset, header.team)
+    n_observation, n_orders = len(pack(reader.blank(), 0)), len(header.ruleset.team(header.team))
+    ticks: list[tuple[bytes, bytes]] = []
+    while source.peek() == b"T" and source.left > n_observation + n_orders:
+        where = f"tick {len(ticks)}"
+        source.take(1, where)
+        observation = source.take(n_observation, where)
+        try:
+            number = int(reader.read(observation).tick[0])
+        except UnreadableError as error:
+            raise JournalError(f"the transcript was changed: at {where} {error}") from error
+        if number != len(ticks):
+            raise JournalError(f"the transcript was changed: at {where} stands the observation of tick {number}")
+        ticks.append((observation, source.take(n_orders, where)))
+    letter, ending = source.peek(), None
+    if letter not in (b"", b"T", b"E"):
+        raise JournalError(f"the transcript was changed: behind {len(ticks)} ticks stands a record that begins with {letter!r}")
+    if letter == b"E":
+        ending = _read_ending(source, data)
+    return Transcript(header=header, ticks=ticks, ending=ending, is_whole=not letter or ending is not None)
+
+
+def _read_ending(source: FrameReader, data: bytes) -> MatchResult | None:
+    """Return the ending; None if it was cut short."""
+    where = "its ending"
+    try:
+        source.take(1, where)
+        packed = source.take_frame(where)
+        hashed = data[: len(data) - source.left]
+        digest = source.take(HEAD_BYTES, where)
+    except CutShortError:
+        return None
+    if source.left:
+        raise JournalError("the transcript was changed: bytes follow its ending")
+    if sha256(hashed).digest() != digest:
+        raise JournalError("the transcript was changed: its bytes are not those that its last hash is of")
+    return read_ending(packed, _KIND)
+
+
+def is_transcript(path: Path) -> bool:
+    """Whether a file begins as a transcript does; not so one that cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
+
+
+def load_transcript(path: Path) -> Transcript:
+    """Read a transcript's file; `JournalError` names it."""
+    return load(path, read_transcript)
+
+
+def transcript_name(pit: str, match: str, team: Team) -> str:
+    """Return the file name of a seat's transcript; no two seats share one."""
+    return "+".join(quote(part, safe="") for part in (pit, match, team.name.lower())) + ".transcript"

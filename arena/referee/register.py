@@ -1,0 +1,138 @@
+"""Which name is whose, which invite code was used by whom, and who may not come back: in a file that the operator can read."""
+
+import json
+import os
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from arena.errors import ArenaError, InputError
+from arena.protocol.identity import from_text, to_text
+from arena.protocol.messages import JoinRequest
+
+_PARTS = ("names", "invites", "banned")
+
+
+class Register:
+    """Names, invites and bans; kept in `path`, or in memory alone."""
+
+    def __init__(self, path: Path | None = None, invites: Iterable[str] | None = None, names: Mapping[str, bytes] | None = None):
+        self._path = path
+        self._codes = None if invites is None else frozenset(invites)
+        self._names = {name: to_text(key) for name, key in (names or {}).items()}
+        self._invites: dict[str, str] = {}
+        self._banned: dict[str, str] = {}
+        """By public key: the name under which it was banned."""
+        if path is not None and path.exists():
+            self._load(path)
+
+    @property
+    def needs_invite(self) -> bool:
+        """Whether only those with a code may play."""
+        return self._codes is not None
+
+    def object_to(self, request: JoinRequest) -> str:
+        """Return why an entry may not play, or nothing."""
+        entry = to_text(request.entry)
+        if entry in self._banned:
+            return "this key is banned from the pit"
+        if _is_key(request.name):  # it would mislead an operator who bans a key
+            return "a name must not look like a public key; choose another with --name"
+        owner = self._names.get(request.name, entry)
+        if owner != entry:
+            return (
+                f"the name {request.name} belongs to another key; choose one with --name, or ask the operator for "
+                f"`arena admin release-name {request.name}`"
+            )
+        if self._codes is not None:
+            if not request.invite:
+                return "this pit wants an invite code; join with --invite CODE"
+            if request.invite not in self._codes:
+                return "the invite code is none of this pit's"
+            if self._invites.get(request.invite, entry) != entry:
+                return "the invite code was used by another key"
+        return ""
+
+    def admit(self, request: JoinRequest) -> None:
+        """Tie the invite code to the entry that came with it."""
+        if self._codes is not None and request.invite not in self._invites:
+            self._invites[request.invite] = to_text(request.entry)
+            self._save()
+
+    def claim(self, name: str, entry: bytes) -> None:
+        """Give a name to the key that finished a match under it, if it is nobody's yet."""
+        if name not in self._names:
+            self._names[name] = to_text(entry)
+            self._save()
+
+    def release(self, name: str) -> bool:
+        """Take a name from its key; False if it was nobody's."""
+        if self._names.pop(name, None) is None:
+            return False
+        self._save()
+        return True
+
+    def ban(self, name: str, entry: bytes) -> None:
+        """Let a key play no more."""
+        self._banned[to_text(entry)] = name
+        self._save()
+
+    def find(self, target: str) -> bytes | None:
+        """Return the key that a name belongs to, or that the text itself is."""
+        if target in self._names:
+            return from_text(self._names[target])
+        try:
+            return from_text(target)
+        except InputError:
+            return None
+
+    def _load(self, path: Path) -> None:
+        try:
+            values = json.loads(path.read_text())
+            names, invites, banned = ({str(k): str(v) for k, v in values[part].items()} for part in _PARTS)
+            for key in (*names.values(), *invites.values(), *banned):
+                from_text(key)
+        except OSError as error:
+            raise InputError(f"cannot read {path}: {error.strerror}") from error
+        except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise InputError(f"{path} is no register of names; move it away to begin a new one") from error
+        self._names, self._invites, self._banned = names, invites, banned
+
+    def _save(self) -> None:
+        """Write all, or nothing."""
+        if self._path is None:
+            return
+        values = dict(zip(_PARTS, (self._names, self._invites, self._banned), strict=True))
+        new = None
+        try:
+            descriptor, name = tempfile.mkstemp(dir=self._path.parent)  # of mode 0600
+            new = Path(name)
+            with os.fdopen(descriptor, "w") as file:
+                json.dump(values, file, indent=1)
+            new.replace(self._path)
+        except OSError as error:
+            if new is not None:
+                new.unlink(missing_ok=True)
+            raise ArenaError(f"cannot write {self._path}: {error.strerror}") from error
+
+
+def _is_key(text: str) -> bool:
+    try:
+        from_text(text)
+    except InputError:
+        return False
+    return True
+
+
+def read_invites(path: Path) -> list[str]:
+    """Return the codes of a file, one a line; what follows # is a comment."""
+    try:
+        codes = [line.partition("#")[0].strip() for line in path.read_text().splitlines()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read invites from {path}: {getattr(error, 'strerror', None) or 'it is no text'}") from error
+    codes = [code for code in codes if code]
+    if not codes:
+        raise InputError(f"{path} holds no invite codes; write one a line")
+    if len(set(codes)) < len(codes):
+        raise InputError(f"{path} holds an invite code twice")
+    return codes

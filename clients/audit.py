@@ -1,0 +1,74 @@
+"""What a client checks once a match is over: that the pit kept to its commitment, and that the journal is of the match it played.
+
+Without the rules: whoever wants every tick played again asks `arena replay verify --transcript`.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+from arena.errors import JournalError, ProtocolError
+from arena.game.types import Team
+from arena.protocol import topics
+from arena.protocol.codec import decode, encode
+from arena.protocol.facts import check_journal, commit
+from arena.protocol.messages import JournalPiece, JournalRequest, Refusal, Wait
+from arena.records.journal import Mark, match_id, read_journal
+from arena.transport import Session
+from clients.seat import Seat
+
+_ANSWER_S = 4.0
+_MOST_BYTES = 1 << 24
+Verdict = tuple[bool | None, str]
+"""Whether the journal holds, None if it could not be had; and a sentence."""
+Defer = Callable[[Callable[[bytes], None]], Callable[[bytes], None]]
+
+
+def fetch(session: Session, pit: str, seat: Seat, pit_key: bytes, defer: Defer, on_end: Callable[[Verdict], None]) -> None:
+    """Ask for a match's journal, piece by piece, and pass on what was found; `defer` moves an answer to the caller's thread."""
+
+    def ask(known: bytes) -> None:
+        key = topics.journal(pit, seat.ticket.match)
+        session.ask(key, encode(JournalRequest(offset=len(known))), defer(partial(hear, known)), _ANSWER_S)
+
+    def hear(known: bytes, payload: bytes) -> None:
+        try:
+            message = decode(payload) if payload else None
+        except ProtocolError as error:
+            on_end((None, f"the journal cannot be had: {error}"))
+            return
+        if isinstance(message, Refusal | Wait):
+            on_end((None, f"the journal is not to be seen {message.reason}"))
+        elif not isinstance(message, JournalPiece) or message.n_bytes > _MOST_BYTES or not message.data:
+            on_end((None, "the journal cannot be had: the pit is gone"))
+        elif len(known) + len(message.data) < message.n_bytes:
+            ask(known + message.data)
+        else:
+            on_end(audit(seat, known + message.data, pit_key))
+
+    ask(b"")
+
+
+def audit(seat: Seat, data: bytes, pit_key: bytes) -> Verdict:
+    """Return whether a journal is of the match that a seat played, under the keys that the pit committed itself to."""
+    try:
+        journal = read_journal(data)
+        seals = journal.seals
+        if seals is None or seals.pit_key != pit_key:
+            return False, "the journal is not signed by this pit"
+        check_journal(pit_key, journal.ending_chain or b"", seals.signature)
+    except (JournalError, ProtocolError) as error:
+        return False, str(error)
+    match = match_id(journal.header.identity)
+    if match != seat.ticket.match:
+        return False, f"the journal is of match {match}"
+    if commit(match, journal.header.keys) != seat.commitment:
+        return False, "the journal's keys are not those that the pit committed itself to"
+    receipt = seals.receipts.get(seat.team)
+    if receipt is not None and receipt.head != seat.head:
+        return False, "the journal has another receipt than this seat gave"
+    units = len(seat.ruleset.team(Team.BLUE))
+    own = slice(0, units) if seat.team is Team.BLUE else slice(units, None)
+    for tick, (record, answer) in enumerate(zip(journal.ticks, seat.answers, strict=False)):
+        if not record.marks[seat.team] & (Mark.LATE | Mark.UNREADABLE) and record.orders[own] != answer:
+            return False, f"at tick {tick} the journal has other orders than this seat gave"
+    return True, "the journal is of this match, under the keys that the pit committed itself to"

@@ -1,0 +1,115 @@
+"""A place for one seat at a time: the seat, its keys on the network, and the way to the referee and back."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+
+from arena.errors import ForgedError, RefusedError, UnreadableError
+from arena.protocol.codec import decode, encode
+from arena.protocol.facts import read_fact, sign_receipt
+from arena.protocol.handshake import Attempt
+from arena.protocol.identity import Identity
+from arena.protocol.messages import Commitment, Ended, Message, Orders, Signed, Ticket
+from arena.protocol.sealing import Opener, Sealer
+from arena.transport import Collector, Put
+from clients.seat import Seat
+
+ANSWER_S = 8.0
+"""A pit that lives answers a question within this time, if only with Wait."""
+
+
+class Slot:
+    """One of the seats that a client may hold at once."""
+
+    def __init__(self, number: int, identity: Identity) -> None:
+        self.number = number
+        self.seat: Seat | None = None
+        self.put: Put | None = None
+        self.ears: Collector | None = None
+        self.leave = ExitStack()
+        self.is_done = False
+        self.asked_at_s: float | None = None
+        self.n_unanswered = 0
+        self.ask_limit_s = ANSWER_S
+        self.heard_at_s = 0.0
+        self._identity = identity
+        self._sealer: Sealer | None = None
+        self._opener: Opener | None = None
+        self._pit_key = b""
+        self._sent: tuple[int, bytes] = (-1, b"")
+        """The last orders as they were sealed."""
+
+    def free(self) -> None:
+        """Let go of the seat."""
+        self.fall_silent()
+        self.seat = None
+
+    def fall_silent(self) -> None:
+        """Leave the seat's keys on the network; the seat itself may be taken up on another connection."""
+        self.leave.close()
+        self.put, self.ears = None, None
+
+    def take(self, ticket: Ticket, attempt: Attempt, make: Callable[[Ticket, Commitment], Seat]) -> bool:
+        """Take a seat, or the same one again under new keys; return whether it is another.
+
+        Raises
+        ------
+        RefusedError
+            The pit does not commit itself to the match, or not to the one that it did before.
+        """
+        commitment = _read_commitment(ticket, attempt.pit_key)
+        seat = self.seat
+        is_new = seat is None or seat.ticket.match != ticket.match
+        if is_new:
+            self.free()
+            seat = self.seat = make(ticket, commitment)
+        elif seat is not None and seat.commitment != commitment.digest:
+            raise RefusedError(f"the pit commits itself to match {ticket.match} anew: it is not the match that it was")
+        assert seat is not None
+        self._sealer, self._opener = attempt.sit(ticket.match, seat.team, ticket.secret)
+        self._sent = (-1, b"")
+        self._pit_key = attempt.pit_key
+        return is_new
+
+    def receive(self, payload: bytes) -> None:
+        """Take what the referee sent, and answer it.
+
+        Raises
+        ------
+        ProtocolError
+            It was not the referee, or it sent what cannot be read; nothing has changed.
+        """
+        if self.seat is None or self._opener is None:
+            return
+        message = decode(self._opener.open(payload))
+        if isinstance(message, Signed):
+            fact = read_fact(message, self._pit_key)
+            if not isinstance(fact, Ended) or fact.match != self.seat.ticket.match:
+                raise ForgedError("the ending is of another match")
+            message = fact
+        answer = self.seat.receive(message)
+        if answer is not None:
+            self.send(answer)
+        elif self.seat.ended is not None:
+            self.send(self._sign_receipt(self.seat))
+
+    def _sign_receipt(self, seat: Seat) -> Message:
+        return sign_receipt(self._identity, seat.ticket.match, seat.team, seat.known_ticks, seat.head)
+
+    def send(self, message: Message) -> None:
+        """Seal and send; orders that were sent before go out as the very bytes that they were."""
+        if self.seat is None or self.put is None or self._sealer is None:
+            return
+        if type(message) is not Orders:
+            self.put(self._sealer.close(encode(message), self.seat.known_ticks))
+            return
+        if self._sent[0] != message.tick:
+            self._sent = message.tick, self._sealer.close(encode(message), message.tick)
+        self.put(self._sent[1])
+
+
+def _read_commitment(ticket: Ticket, pit_key: bytes) -> Commitment:
+    signed = decode(ticket.commitment)
+    fact = read_fact(signed, pit_key) if isinstance(signed, Signed) else None
+    if not isinstance(fact, Commitment) or fact.match != ticket.match:
+        raise UnreadableError("the ticket lacks the pit's commitment to its match")
+    return fact
