@@ -62,11 +62,17 @@ def draw_pair(
     dimmed
         Cells of the right board that are shown dimmed.
     """
-    side = len(left[1])
-    is_wide = width >= 4 * side + 3
-    table = Table.grid(padding=(0, 3, 0, 0))
-    table.add_row(Text(left[0], "bold"), Text(right[0], "bold"))
-    table.add_row(draw_board(left[1], is_wide=is_wide), draw_board(right[1], is_wide=is_wide, dimmed=dimmed))
+    return draw_row(title, [left, right], width, dimmed=dimmed)
+
+
+def draw_row(title: str, boards: Sequence[tuple[str, NDArray[np.int8]]], width: int, *, dimmed: Mask | None = None) -> Group:
+    """Return boards side by side under a title; `dimmed` is of the last."""
+    side, gap = len(boards[0][1]), 3
+    is_wide = width >= len(boards) * (2 * side + gap) - gap
+    table = Table.grid(padding=(0, gap, 0, 0))
+    table.add_row(*(Text(label, "bold") for label, _ in boards))
+    dims = [None] * (len(boards) - 1) + [dimmed]
+    table.add_row(*(draw_board(grid, is_wide=is_wide, dimmed=dim) for (_, grid), dim in zip(boards, dims, strict=True)))
     return Group(Text(title), table)
 
 

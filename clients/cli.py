@@ -11,9 +11,12 @@ from arena.errors import InputError, PolicyError
 from policies.cli import complete_policy
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from arena.address import Address
     from clients.audit import Verdict
     from clients.seat import Seat
+    from clients.spectator import Frame
 
 
 def join(
@@ -131,6 +134,71 @@ def doctor(
         print_table(("what", "ok", "finding"), findings)
     if not all(is_ok for _, is_ok, _ in findings):
         raise typer.Exit(1)
+
+
+def watch(
+    pit: Annotated[str, typer.Option(metavar="ADDRESS", help="Of the pit.")] = "tcp/127.0.0.1:7447",
+    match: Annotated[str, typer.Option(metavar="ID", help="Which; the first that runs without it.")] = "",
+    spectator_key: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Of the pit's operator: shows both views, and the truth.")
+    ] = None,
+) -> None:
+    """Watch a match as it runs: the public facts, and with the spectator key what each team sees beside the truth."""
+    from rich.console import Console
+    from rich.live import Live
+
+    from arena.address import parse_address
+    from arena.keyring.files import load_secret
+    from clients.spectator import Frame, watch
+
+    address = parse_address(pit)
+    key = None if spectator_key is None else load_secret(spectator_key)
+    console = Console()
+    last: Frame | None = None
+    names = ("?", "?")
+    with Live(console=console, auto_refresh=False, vertical_overflow="visible") as live:
+        for chosen, frame in watch(address, match, lambda pit_key: _trust(address, pit_key), key):
+            names = frame.names or names
+            if frame.ended is None and (key is None or frame.truth is not None):
+                drawn = _draw(chosen, names, frame, console.width if console.is_terminal else 10_000)
+                if console.is_terminal:
+                    live.update(drawn, refresh=True)
+                else:
+                    typer.echo(_plain(drawn), nl=False)
+            last = frame
+    if last is not None and last.ended is not None:
+        ended = last.ended
+        winner = "a draw" if ended.winner is None else f"{ended.winner} wins"
+        how = ended.ending.replace("_", " ")
+        typer.echo(f"{winner} by {how} after {ended.ticks} ticks, score {ended.score:+d} for blue")
+
+
+def _draw(match: str, names: tuple[str, str], frame: "Frame", width: int) -> "RenderableType":
+    """Return what one tick looks like."""
+    from rich.text import Text
+
+    from arena.view import draw_row
+
+    blue, red = frame.living or ("?", "?")
+    title = (
+        f"match {match}   blue {names[0]} against red {names[1]}   tick {frame.tick}   score {frame.score:+d}   "
+        f"units {blue}:{red}"
+    )
+    if frame.truth is None or frame.seen is None:
+        return Text(title)
+    boards = [("what blue sees", frame.seen[0]), ("the truth", frame.truth), ("what red sees", frame.seen[1])]
+    return draw_row(title, boards, width)
+
+
+def _plain(drawn: "RenderableType") -> str:
+    """Return it without colours, for a file or a pipe."""
+    from io import StringIO
+
+    from rich.console import Console
+
+    text = StringIO()
+    Console(file=text, width=10_000).print(drawn)
+    return "\n".join(line.rstrip() for line in text.getvalue().splitlines()) + "\n"
 
 
 admin = typer.Typer(no_args_is_help=True, help="Tell a running pit what to do, with the key in its data folder.")

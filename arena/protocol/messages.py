@@ -234,6 +234,8 @@ class Facts:
     """What both teams, and everyone else, may know of a running match."""
 
     tick: int
+    names: list[str]
+    """Of blue's entry, and red's."""
     living: list[int]
     """Blue's units, red's."""
     score: int

@@ -64,6 +64,14 @@ def read_action(key: str) -> tuple[str, Team]:
     return parts[3], _TEAMS[parts[4]]
 
 
+def read_match(key: str) -> str:
+    """Return the match of any key of one."""
+    parts = key.split("/")
+    if len(parts) < 5:
+        raise UnreadableError(f"{key} is no key of a match")
+    return parts[3]
+
+
 def public(pit: str, match: str) -> str:
     """Return the key of what everyone may know of a match."""
     return f"arena/{pit}/match/{match}/public"

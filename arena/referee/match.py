@@ -17,6 +17,7 @@ from arena.games import Games
 from arena.policy import MatchResult
 from arena.protocol.sight import Writer
 from arena.records.journal import CHAIN_BYTES, Header, Journal, Mark, write_ending, write_start, write_tick
+from arena.referee.events import Ask, End, Event, Publish, Write
 from arena.referee.replay import match_result
 
 _STAY = bytes([Action.STAY])
@@ -46,39 +47,6 @@ class Phase(Enum):
     WAITING = "for both seats to be ready"
     PLAYING = "playing"
     OVER = "over"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Write:
-    """Append these bytes to the journal, now."""
-
-    data: bytes
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ask:
-    """Show a seat the current tick, and wait for its orders."""
-
-    team: Team
-    tick: int
-    observation: bytes
-    """As `arena.protocol.sight.pack` gives it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Publish:
-    """Tell everyone the public facts of the tick that begins."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class End:
-    """The match is over; nothing follows."""
-
-    result: MatchResult
-    """`score` is blue's."""
-
-
-Event = Write | Ask | Publish | End
 
 
 @dataclass(slots=True, kw_only=True)

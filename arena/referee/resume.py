@@ -8,7 +8,8 @@ from pathlib import Path
 from arena.errors import JournalError
 from arena.game.types import Team
 from arena.records.journal import read_journal, whole_part
-from arena.referee.match import Event, Match, Terms
+from arena.referee.events import Event
+from arena.referee.match import Match, Terms
 
 logger = logging.getLogger(__name__)
 

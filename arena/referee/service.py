@@ -24,7 +24,8 @@ from arena.protocol.messages import Lobby, Orders, Ready, Receipt
 from arena.records.journal import CHAIN_BYTES, Header, journal_name
 from arena.referee.archive import Archive
 from arena.referee.door import Door
-from arena.referee.match import Ask, End, Event, Match, Publish, SeatRecord, Terms, Write
+from arena.referee.events import Ask, End, Event, Publish, Write
+from arena.referee.match import Match, SeatRecord, Terms
 from arena.referee.reception import MOST_GUESTS, Reception
 from arena.referee.register import Register
 from arena.referee.resume import resume_matches

@@ -16,7 +16,8 @@ from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Ended, Facts, History, Message, Receipt, Ticket, Truth, Turn
 from arena.protocol.sealing import Opener, Sealer, truth_sealer
 from arena.records.journal import match_id, write_receipt, write_seats, write_signature
-from arena.referee.match import Ask, Match
+from arena.referee.events import Ask
+from arena.referee.match import Match
 from arena.referee.seating import SeatId
 from arena.transport import Put, Session
 
@@ -120,7 +121,9 @@ class Table:
         tick = self.match.tick
         if self._public.is_heard:
             blue, red, score = self.match.facts
-            self._public.put(encode(Facts(tick=tick, living=[blue, red], score=score, commitment=self._commitment)))
+            names = [chair.name for chair in self.chairs.values()]
+            facts = Facts(tick=tick, names=names, living=[blue, red], score=score, commitment=self._commitment)
+            self._public.put(encode(facts))
         if self._truth_sealer and self._truth.is_heard:
             board, seen = self.match.truth()
             sealed = self._truth_sealer.close(encode(Truth(tick=tick, board=board, seen=seen)), tick)

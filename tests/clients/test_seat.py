@@ -21,8 +21,9 @@ from arena.policy import BatchPolicy, MatchResult
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn, Wait
 from arena.records.journal import Header, read_journal
+from arena.referee.events import Ask, End, Event, Write
 from arena.referee.local import MatchPlan, play_batch
-from arena.referee.match import Ask, End, Event, Match, Phase, Terms, Write
+from arena.referee.match import Match, Phase, Terms
 from arena.referee.replay import verify
 from clients.seat import Seat, read_ticket
 from policies import registry

@@ -91,7 +91,7 @@ def enemy(pit: Pit, request: pytest.FixtureRequest) -> Iterator[zenoh.Session]:
     """A Zenoh session that is not ours; it may as well call itself a router."""
     config = zenoh.Config()
     settings = {"mode": request.param, "connect/endpoints": [pit.endpoint], "scouting/multicast/enabled": False}
-    for key, value in {**settings, "listen/endpoints": [], "open/return_conditions/connect_scouted": False}.items():
+    for key, value in {**settings, "listen/endpoints": [], "scouting/gossip/enabled": False}.items():
         config.insert_json5(key, json.dumps(value))
     with zenoh.open(config) as session:
         pit.await_mark(session)

@@ -14,7 +14,8 @@ from arena.game.ruleset import Ruleset, load
 from arena.game.types import Ending, Team
 from arena.protocol.sight import unpack
 from arena.records.journal import Header, Journal, Mark, read_journal, whole_part
-from arena.referee.match import WIN, Ask, End, Event, Match, Phase, Publish, Terms, Write
+from arena.referee.events import Ask, End, Event, Publish, Write
+from arena.referee.match import WIN, Match, Phase, Terms
 from arena.referee.replay import verify
 
 BLUE, RED = Team

@@ -1,0 +1,149 @@
+"""One running match as a spectator sees it: the public facts, and with the spectator key both fogged views and the truth."""
+
+import queue
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arena.address import Address
+from arena.errors import LostPitError, ProtocolError, UnreadableError
+from arena.game.ruleset import Ruleset, from_dict
+from arena.game.types import Team
+from arena.protocol import topics
+from arena.protocol.codec import decode
+from arena.protocol.facts import read_fact
+from arena.protocol.messages import Ended, Facts, Lobby, Signed, Truth
+from arena.protocol.sealing import Opener, truth_opener
+from arena.protocol.sight import Reader
+from arena.transport import Sample, Session, open_client, read_key, read_payload
+from clients.lobby import ask_challenge, ask_lobby
+
+SALT_BYTES = 32
+MOST_WAITING = 1_000
+_SILENCE_S = 5.0
+Grid = NDArray[np.int8]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """What there is to be seen at one tick."""
+
+    tick: int
+    names: tuple[str, str] | None = None
+    """Of blue's entry, and red's; told with the public facts."""
+    living: tuple[int, int] | None = None
+    """Blue's units, red's."""
+    score: int = 0
+    """Blue's."""
+    truth: Grid | None = None
+    """int8, shape (side, side), codes of Table 2; as `seen`, for holders of the spectator key."""
+    seen: tuple[Grid, Grid] | None = None
+    """What blue sees, and red."""
+    ended: Ended | None = None
+
+
+class Spectator:
+    """Makes frames of what is heard. Without I/O."""
+
+    def __init__(self, pit: str, match: str, ruleset: Ruleset, pit_key: bytes, spectator_key: bytes | None) -> None:
+        self._pit, self._match, self._pit_key, self._key = pit, match, pit_key, spectator_key
+        self._side, self._ruleset = ruleset.side, ruleset
+        self._readers = [Reader(ruleset, team) for team in Team]
+        self._openers: dict[bytes, Opener] = {}
+
+    def hear_public(self, payload: bytes) -> Frame | None:
+        """Take a public message; `ProtocolError` if the pit did not say it."""
+        message = decode(payload)
+        if isinstance(message, Facts):
+            if len(message.living) != len(Team) or len(message.names) != len(Team):
+                raise UnreadableError("the facts are not of two teams")
+            blue, red = message.living
+            return Frame(tick=message.tick, names=(message.names[0], message.names[1]), living=(blue, red), score=message.score)
+        fact = read_fact(message, self._pit_key) if isinstance(message, Signed) else None
+        return Frame(tick=fact.ticks, score=fact.score, ended=fact) if isinstance(fact, Ended) else None
+
+    def hear_truth(self, payload: bytes) -> Frame | None:
+        """Take a sealed truth; `ProtocolError` if it does not open with the key, None without one."""
+        if self._key is None:
+            return None
+        salt, sealed = payload[:SALT_BYTES], payload[SALT_BYTES:]
+        if salt not in self._openers:  # of another process of the pit, or of a stranger
+            self._openers = {salt: truth_opener(self._key, salt, self._pit, self._match)}
+        message = decode(self._openers[salt].open(sealed))
+        if not isinstance(message, Truth) or len(message.board) != self._side**2 or len(message.seen) != len(Team):
+            raise UnreadableError("a truth is none of this ruleset")
+        board = np.frombuffer(message.board, np.int8).reshape(self._side, self._side)
+        observations = [reader.read(data) for reader, data in zip(self._readers, message.seen, strict=True)]
+        blue, red = (seen.seat(0, self._ruleset) for seen in observations)
+        return Frame(tick=message.tick, living=blue.living, score=blue.score, truth=board, seen=(blue.grid, red.grid))
+
+
+def watch(
+    address: Address, match: str, trust: Callable[[bytes], None], spectator_key: bytes | None
+) -> Iterator[tuple[str, Frame]]:
+    """Yield what happens in a match, the first that is heard of if none is named, until it ends.
+
+    Parameters
+    ----------
+    trust
+        Raises if the pit whose public key it is given is not the one that was meant.
+
+    Yields
+    ------
+    tuple
+        The match, and what there is to be seen.
+
+    Raises
+    ------
+    LostPitError
+        No pit answers, or the match does not run.
+    """
+    heard: queue.Queue[tuple[bool, Sample]] = queue.Queue(maxsize=MOST_WAITING)
+    spectator: Spectator | None = None
+    with open_client(address.endpoint) as session:
+        pit_key = ask_challenge(session, address).pit_key
+        trust(pit_key)
+        session.subscribe(topics.all_public(address.pit), partial(_enqueue, heard, False))
+        if spectator_key is not None:
+            session.subscribe(topics.all_truths(address.pit), partial(_enqueue, heard, True))
+        values = dict(_look(session, address, pit_key, match).ruleset)
+        ruleset = from_dict(str(values.pop("name", "unnamed")), values)
+        while True:
+            try:
+                is_truth, sample = heard.get(timeout=_SILENCE_S)
+            except queue.Empty:
+                _look(session, address, pit_key, match)
+                continue
+            try:
+                at = topics.read_match(read_key(sample))
+                if match and at != match:
+                    continue
+                spectator = spectator or Spectator(address.pit, at, ruleset, pit_key, spectator_key)
+                frame = spectator.hear_truth(read_payload(sample)) if is_truth else spectator.hear_public(read_payload(sample))
+            except ProtocolError:
+                continue  # anybody may publish; what the pit did not seal or sign counts for nothing
+            if frame is not None:
+                match = at
+                yield match, frame
+                if frame.ended is not None:
+                    return
+            elif not match:
+                spectator = None
+
+
+def _look(session: Session, address: Address, pit_key: bytes, match: str) -> Lobby:
+    """Return the lobby; `LostPitError` if the match does not run."""
+    lobby = ask_lobby(session, address, pit_key)
+    if match and all(one["match"] != match for one in lobby.running):
+        raise LostPitError(f"match {match} does not run in {address.pit}; `arena watch` without --match waits for the next")
+    return lobby
+
+
+def _enqueue(heard: "queue.Queue[tuple[bool, Sample]]", is_truth: bool, sample: Sample) -> None:
+    try:
+        heard.put_nowait((is_truth, sample))
+    except queue.Full:
+        return  # the next tick tells all anew
