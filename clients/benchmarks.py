@@ -25,6 +25,7 @@ from arena.games import warm
 from arena.observation import Observations
 from arena.policy import BatchPolicy, Orders
 from arena.protocol.identity import Identity
+from arena.protocol.sealing import Opener, Sealer
 from arena.referee.local import MatchPlan
 from arena.referee.match import Terms
 from arena.referee.seating import PlannedSeating
@@ -39,6 +40,9 @@ RUNS = 3
 RUN_S = 3.0
 _START_LIMIT_S = 60.0
 _NAME = "constant"
+_SEALINGS = 20_000
+MESSAGE_BYTES = (500, 20)
+"""Of an observation under ruleset paper, and of orders, about."""
 
 
 class Constant(BatchPolicy):
@@ -59,6 +63,10 @@ def run(progress: Callable[[str], None]) -> dict[str, Any]:
             ours = _measure(matches, seats)
             pairs.append((ours, _yardstick(Path(folder), matches, seats) if folder else None))
         results[f"matches_{matches}"] = _summary(pairs)
+    progress("sealing")
+    seconds = _time_sealing()
+    turn_s = 1 / results["matches_1"]["ticks_per_s"]
+    results["sealing"] = {"us_a_turn": round(seconds * 1e6, 2), "share_of_a_turn": round(seconds / turn_s, 4)}
     progress("a whole match of fresh processes")
     results["fresh_match_s"] = round(median(_time_fresh_match() for _ in range(RUNS)), 2)
     return results
@@ -148,6 +156,20 @@ def _yardstick(folder: Path, matches: int, seats: int) -> dict[str, float]:
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
     facts = json.loads(done.stdout.splitlines()[-1])
     return {"ticks_per_s": facts["ticks_per_s"], "p50_ms": facts["tick_ms"]["p50"], "p99_ms": facts["tick_ms"]["p99"]}
+
+
+def _time_sealing() -> float:
+    """Return the seconds that it takes to seal and open the four messages of a turn: two observations, two answers."""
+    observation, orders = (bytes(n_bytes) for n_bytes in MESSAGE_BYTES)
+    ways = [
+        (Sealer(bytes(32), context), Opener(bytes(32), context), message)
+        for context, message in ((b"blue", observation), (b"red", observation), (b"blue orders", orders), (b"red orders", orders))
+    ]
+    begin_s = time.perf_counter()
+    for tick in range(_SEALINGS):
+        for sealer, opener, message in ways:
+            opener.open(sealer.close(message, tick))
+    return (time.perf_counter() - begin_s) / _SEALINGS
 
 
 def _time_fresh_match() -> float:

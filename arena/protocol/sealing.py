@@ -23,7 +23,8 @@ KEY_BYTES = 32
 PAD_BYTES = 64
 """Orders, and all else that has no size of its own, come in multiples of this."""
 _HEAD = struct.Struct(">QI")
-_NONCE = struct.Struct(">IQ")
+_PREFIX = bytes(4)
+"""Of each nonce, before the counter."""
 _TAG_BYTES = 16
 _NO_COUNT = -1
 
@@ -48,7 +49,8 @@ def seat_context(pit: str, match: str, team: Team, direction: Direction) -> byte
 
 def pad(data: bytes, multiple: int) -> bytes:
     """Return `data` lengthened to a multiple; ISO/IEC 7816-4."""
-    return data + b"\x80" + bytes(-(len(data) + 1) % multiple)
+    n_bytes = len(data) + 1
+    return (data + b"\x80").ljust(n_bytes + -n_bytes % multiple, b"\0")
 
 
 def unpad(data: bytes) -> bytes:
@@ -71,7 +73,7 @@ class Sealer:
         count = self._count
         self._count += 1
         head = _HEAD.pack(count, tick)
-        return head + self._cipher.encrypt(_NONCE.pack(0, count), pad(data, self._multiple), self._context + head[8:])
+        return head + self._cipher.encrypt(_PREFIX + head[:8], pad(data, self._multiple), self._context + head[8:])
 
 
 class Opener:
@@ -91,11 +93,11 @@ class Opener:
         """
         if len(data) < _HEAD.size + _TAG_BYTES:
             raise ForgedError("a message is too short to be sealed")
-        count, _ = _HEAD.unpack_from(data)
+        count = int.from_bytes(data[:8], "big")
         if count < self._last or (count == self._last and data != self._last_bytes):
             raise ForgedError("a message comes a second time, or late")
         try:
-            padded = self._cipher.decrypt(_NONCE.pack(0, count), data[_HEAD.size :], self._context + data[8 : _HEAD.size])
+            padded = self._cipher.decrypt(_PREFIX + data[:8], data[_HEAD.size :], self._context + data[8 : _HEAD.size])
         except InvalidTag:
             raise ForgedError("a message does not open") from None
         self._last, self._last_bytes = count, data

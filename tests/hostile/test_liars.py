@@ -1,88 +1,118 @@
 """Clients that lie, shout, stop or hang, spoken to the referee by raw Zenoh."""
 
-import json
 import os
 import signal
-import threading
-import uuid
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any
 
 import msgpack
-import pytest
-import zenoh
 
 from arena.game.types import RULES_VERSION, Team
 from arena.protocol import topics
-from arena.protocol.codec import decode, encode
-from arena.protocol.messages import Closed, Ended, JoinRequest, Orders, Ready, Refusal, Ticket, Turn, Wait
+from arena.protocol.codec import MOST_BYTES, decode, encode
+from arena.protocol.identity import Identity
+from arena.protocol.messages import Closed, Ended, JoinRequest, Knock, Orders, Ready, Refusal, Ticket, Turn, Wait
 from arena.records.journal import Mark, load_journal
 from arena.referee.replay import verify
 
-PATIENCE_S = 60.0
 Start = Callable[..., Any]
 
 
-def test_junk_is_counted_and_the_match_ends(serve: Start, join: Start, stranger: Callable[[], Stranger], tmp_path: Path) -> None:
+def sit_down(blue: Any, red: Any) -> Ticket:
+    """Begin a match of two strangers, ann's and bob's, and hear its first turn; return blue's ticket."""
+    with ThreadPoolExecutor() as pool:
+        tickets = [pool.submit(blue.sit, name="ann", team="blue"), pool.submit(red.sit, name="bob", team="red")]
+        for ticket in tickets:
+            ticket.result()
+    for seat in (blue, red):
+        seat.say(Ready(known_ticks=0))
+    for seat in (blue, red):
+        assert seat.next(Turn).tick == 0
+    return tickets[0].result()
+
+
+def settle(one: Any) -> None:
+    """Wait until the referee has dealt with all that came over a session's link: it then answers a second question."""
+    for _ in range(2):
+        assert one.query(topics.lobby("pit"), b"")
+
+
+def test_junk_is_counted_and_the_match_ends(serve: Start, join: Start, stranger: Start, tmp_path: Path) -> None:
     pit = serve("--matches", 1, "--seed", 7, "--set", "tick_limit=12", "--turn-time", 20)
     eve = stranger()
     honest = join("--team", "blue", "--policy", "patrol")
     honest.wait_for("patrol waits for an opponent")
     eve.sit(team="red")
     eve.say(Ready(known_ticks=-(2**63)))
-    garbled = [
-        b"",
-        b"junk",
-        os.urandom(300),
-        bytes(70_000),
-        os.urandom(3_000_000),
-        msgpack.packb([99, 0]),
-        encode(Closed(reason="no")),
-    ]
     eve.next(Turn)
+    forged = [b"", b"junk", os.urandom(300), bytes(MOST_BYTES), bytes(MOST_BYTES + 1), encode(Orders(tick=0, actions=bytes(6)))]
+    for junk in forged:
+        eve.put(junk)
+    for junk in (bytes(100_000), os.urandom(3_000_000)):
+        eve.put(junk)  # goes no further than the router
+    garbled = [b"", b"junk", os.urandom(300), os.urandom(50_000), msgpack.packb([99, 0]), encode(Closed(reason="no"))]
     for junk in garbled:
         eve.say(junk)
-    for orders in (Orders(tick=-1, actions=b""), Orders(tick=2**63, actions=b"x" * 50_000), Orders(tick=5, actions=bytes(6))):
+    stale = [Orders(tick=-1, actions=b""), Orders(tick=2**63, actions=b"x" * 50_000), Orders(tick=5, actions=bytes(6))]
+    for orders in stale:
         eve.say(orders)
     eve.say(Ready(known_ticks=2**63))
     for key in ("arena/pit/match/other/red/action", "arena/pit/match/*/*/action", f"arena/pit/match/{eve.match}/green/action"):
         eve.say(Orders(tick=0, actions=bytes(6)), key=key)
     for tick, actions in enumerate([b"", b"\x01", bytes(50_000), b"\x09" * 6, b"\xff" * 6, *[b"\x02" * 6] * 7]):
-        eve.say(Orders(tick=tick, actions=actions))
-        eve.say(Orders(tick=tick, actions=b"\x01" * 6))
+        eve.say(Orders(tick=tick, actions=actions), 2**32 - 1 - tick)  # where it says that it belongs is of no matter
         if tick < 11:
+            eve.say(second := Orders(tick=tick, actions=b"\x01" * 6))
+            stale.append(second)
             while eve.next(Turn).tick != tick + 1:
                 pass
 
+    ended = eve.next(Ended)
     assert [process.finish() for process in (honest, pit)] == [0, 0]
     (path,) = (tmp_path / "journals").glob("*.journal")
     journal = load_journal(path)
     assert verify(journal) == 12
     assert [tick.marks[Team.RED] for tick in journal.ticks] == [Mark.UNREADABLE] * 5 + [Mark(0)] * 7
     assert [list(tick.orders[6:]) for tick in journal.ticks[:6]] == [[0] * 6, [1, *[0] * 5], [0] * 6, [0] * 6, [0] * 6, [2] * 6]
-    assert "red 5 unreadable" in pit.said
-    assert f"red {len(garbled)} garbled" in pit.said
-    assert "stale" in pit.said
+    counts = {"late": 0, "unreadable": 5, "stale": len(stale), "garbled": len(garbled), "forged": len(forged), "vanished": 0}
+    assert ended.faults == {"red": counts, "blue": dict.fromkeys(counts, 0)}
+    assert ", ".join(f"red {n} {what}" for what, n in counts.items() if n) in pit.said
     assert "Traceback" not in pit.said + honest.said
 
 
-def test_no_request_brings_the_pit_down(serve: Start, stranger: Callable[[], Stranger]) -> None:
+def test_no_request_brings_the_pit_down(serve: Start, stranger: Start) -> None:
     serve("--matches", 1)
     eve = stranger()
+    known = JoinRequest(rules_version=RULES_VERSION, name="eve", team="any", client="eve", slot=0)
+    of_another_version = msgpack.packb([99, *msgpack.unpackb(eve.attempt().knock)[1:]])
 
-    for raw in (b"", b"junk", os.urandom(100), bytes(100_000), encode(Ready(known_ticks=0)), msgpack.packb([99, 0])):
-        assert isinstance(eve.ask_raw(raw), Refusal), raw
+    for raw, reason in (
+        (b"", "the request cannot be read"),
+        (b"junk", "the request cannot be read"),
+        (os.urandom(100), "the request cannot be read"),
+        (bytes(MOST_BYTES), "the request cannot be read"),
+        (bytes(MOST_BYTES + 1), "the request cannot be read"),
+        (msgpack.packb([99, 0]), "the other side speaks version 99 of the protocol; this is version 2"),
+        (of_another_version, "the other side speaks version 99 of the protocol; this is version 2"),
+        (encode(Ready(known_ticks=0)), "this is no request for a seat"),
+        (encode(known), "this is no request for a seat"),
+        (encode(Knock(sealed=b"")), "a request does not open"),
+        (encode(Knock(sealed=os.urandom(300))), "a request does not open"),
+        (encode(Knock(sealed=encode(known))), "a request does not open"),
+    ):
+        answer = decode(eve.query(topics.join("pit"), raw))
+        assert isinstance(answer, Refusal), raw
+        assert reason in answer.reason
     for changes, reason in (
-        ({"version": 99}, "the client speaks version 99 of the protocol, the pit 1; install the same"),
         ({"rules_version": 99}, "the client knows version 99 of the rules, the pit 1; install the same"),
         ({"rules_hash": "0" * 64}, "the pit plays ruleset paper"),
         ({"team": "green"}, "there is no team 'green'; red, blue or any"),
         ({"name": "../../etc"}, "a name is 1 to 64 letters"),
         ({"name": ""}, "a name is 1 to 64 letters"),
         ({"name": "é\0"}, "a name is 1 to 64 letters"),
+        ({"name": Identity.make().fingerprint}, "a name must not look like a public key"),
         ({"client": "**"}, "a name is 1 to 64 letters"),
         ({"slot": -1}, "there is no slot -1"),
         ({"slot": 2**63}, "there is no slot"),
@@ -95,28 +125,56 @@ def test_no_request_brings_the_pit_down(serve: Start, stranger: Callable[[], Str
     assert isinstance(eve.ask(), Wait)
 
 
-def test_a_seat_is_not_given_to_another_of_the_same_name_while_its_holder_is_there(
-    serve: Start, stranger: Callable[[], Stranger]
-) -> None:
-    serve("--matches", 1, "--grace", 30)
+def test_a_seat_is_given_to_its_own_key_alone_and_not_while_its_holder_is_there(serve: Start, stranger: Start) -> None:
+    serve("--matches", 1, "--grace", 30, "--turn-time", 60)
     holder, enemy, thief = stranger(), stranger(), stranger()
+    second = stranger(identity=holder.identity)
     token = holder.session.liveliness().declare_token(topics.presence("pit", "ann", holder.client))
-    blue = threading.Thread(target=lambda: holder.sit(name="ann", team="blue"))
-    blue.start()
-    ticket = enemy.sit(name="bob", team="red")
-    blue.join(PATIENCE_S)
+    blue = ThreadPoolExecutor().submit(holder.sit, name="ann", team="blue")
+    enemy.sit(name="bob", team="red")
+    ticket = blue.result()
 
-    assert isinstance(thief.ask(name="ann", team="blue"), Closed), "not even before its holder was ready"
+    for other in (thief, second):
+        assert isinstance(other.ask(name="ann", team="blue"), Closed), "not even before its holder was ready"
     holder.say(Ready(known_ticks=0))
     enemy.say(Ready(known_ticks=0))
     assert holder.next(Turn).tick == 0
-    assert isinstance(thief.ask(name="ann", team="blue", match=ticket.match), Wait)
+    for other in (thief, second):
+        assert isinstance(other.ask(name="ann", team="blue", match=ticket.match), Wait)
     token.undeclare()
 
-    seated = thief.ask(name="ann")
+    seated = second.ask(name="ann")
     while not isinstance(seated, Ticket):
-        seated = thief.ask(name="ann")
+        seated = second.ask(name="ann")
     assert (seated.match, seated.team) == (ticket.match, Team.BLUE)
+    assert isinstance(thief.ask(name="ann"), Closed)
+
+
+def test_who_says_that_a_holder_is_gone_takes_nothing_from_it(serve: Start, stranger: Start, tmp_path: Path) -> None:
+    pit = serve("--matches", 1, "--seed", 7, "--set", "tick_limit=4", "--grace", 60, "--turn-time", 60)
+    holder, enemy, thief = stranger(), stranger(), stranger()
+    key = topics.presence("pit", "ann", holder.client)
+    ticket = sit_down(holder, enemy)
+    for tick in range(4):
+        forged = thief.session.liveliness().declare_token(key)
+        settle(thief)
+        forged.undeclare()
+        settle(thief)
+        assert isinstance(thief.ask(name="ann", team="blue"), Closed)
+        assert isinstance(thief.ask(name="ann", team="blue", match=ticket.match, client=holder.client), Wait)
+        if tick == 2:
+            assert holder.sit(name="ann", team="blue", match=ticket.match).match == ticket.match, "it may come back as well"
+        holder.say(Orders(tick=tick, actions=b"\x01" * 6))
+        enemy.say(Orders(tick=tick, actions=b"\x02" * 6))
+        if tick < 3:
+            assert enemy.next(Turn).tick == tick + 1
+
+    assert enemy.next(Ended).ending == "tick_limit"
+    assert pit.finish() == 0
+    (path,) = (tmp_path / "journals").glob("*.journal")
+    journal = load_journal(path)
+    assert verify(journal) == 4
+    assert [tick.orders for tick in journal.ticks] == [b"\x01" * 6 + b"\x02" * 6] * 4
 
 
 LISTENER = """
@@ -125,7 +183,7 @@ config = zenoh.Config()
 config.insert_json5("mode", json.dumps("client"))
 config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{sys.argv[1]}"]))
 session = zenoh.open(config)
-subscriber = session.declare_subscriber("**", lambda sample: None)
+subscriber = session.declare_subscriber("arena/pit/match/*/*/observation", lambda sample: None)
 print("listening", flush=True)
 threading.Event().wait()
 """
