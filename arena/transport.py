@@ -213,7 +213,7 @@ class Certificate:
     """The private key, without a password."""
 
 
-def open_router(endpoint: str, pit: str | None = None, certificate: Certificate | None = None) -> Session:
+def open_router(endpoint: str, pit: str, certificate: Certificate | None = None) -> Session:
     """Listen at an endpoint such as tcp/127.0.0.1:7447, as the router that clients connect to.
 
     Parameters
@@ -223,32 +223,34 @@ def open_router(endpoint: str, pit: str | None = None, certificate: Certificate 
     pit
         Clients may do what a player of this pit does, and nothing else. The session that is returned may do anything.
     """
-    settings: dict[str, Any] = {"listen/endpoints": [endpoint], "transport/link/rx/max_message_size": _MOST_WIRE_BYTES}
+    settings: dict[str, Any] = {
+        "listen/endpoints": [endpoint],
+        "transport/link/rx/max_message_size": _MOST_WIRE_BYTES,
+        "access_control": _access_rules(pit),
+    }
     if _is_encrypted(endpoint) != (certificate is not None):
         raise InputError(f"cannot listen at {endpoint}: tls/ needs a certificate and its key, and tcp/ takes none")
     if certificate is not None:
         _check_certificate(certificate)
         settings["transport/link/tls/listen_certificate"] = str(certificate.certificate)
         settings["transport/link/tls/listen_private_key"] = str(certificate.key)
-    if pit is not None:
-        settings["access_control"] = _access_rules(pit)
     return _open("router", settings, f"cannot listen at {endpoint}")
 
 
-def open_client(endpoint: str, ca: Path | None = None) -> Session:
+def open_client(endpoint: str, authority: Path | None = None) -> Session:
     """Connect to the router at an endpoint.
 
     Parameters
     ----------
-    ca
+    authority
         For tls/ and quic/: a PEM file of the certificates to trust, such as the pit's own; without it, those that the web trusts.
     """
     settings = {"connect/endpoints": [endpoint], "connect/timeout_ms": _OPEN_TIMEOUT_MS, "connect/exit_on_failure": True}
-    if ca is not None:
+    if authority is not None:
         if not _is_encrypted(endpoint):
-            raise InputError(f"{endpoint} is not encrypted, so nothing there can be checked with {ca}")
-        _check_authority(ca)
-        settings["transport/link/tls/root_ca_certificate"] = str(ca)
+            raise InputError(f"{endpoint} is not encrypted, so nothing there can be checked with {authority}")
+        _check_authority(authority)
+        settings["transport/link/tls/root_ca_certificate"] = str(authority)
     stranger = " with a certificate that we trust" if _is_encrypted(endpoint) else ""
     return _open("client", settings, f"no pit answers at {endpoint}{stranger}")
 

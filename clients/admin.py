@@ -1,5 +1,7 @@
 """The operator's word to a running pit, under the pit's own key."""
 
+from pathlib import Path
+
 from arena.address import Address
 from arena.errors import KeyFileError, RefusedError
 from arena.protocol import topics
@@ -10,7 +12,7 @@ from arena.transport import open_client
 from clients.lobby import ask, ask_challenge
 
 
-def command(address: Address, identity: Identity, name: str, target: str) -> str:
+def command(address: Address, authority: Path | None, identity: Identity, name: str, target: str) -> str:
     """Have the pit do something, and return what it did.
 
     Raises
@@ -22,7 +24,7 @@ def command(address: Address, identity: Identity, name: str, target: str) -> str
     LostPitError
         No pit answers.
     """
-    with open_client(address.endpoint) as session:
+    with open_client(address.endpoint, authority) as session:
         challenge = ask_challenge(session, address)
         if challenge.pit_key != identity.public:
             raise KeyFileError(

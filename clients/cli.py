@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from clients.seat import Seat
     from clients.spectator import Frame
 
+Authority = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="For arena+tls://...: who vouches for the pit's certificate (PEM).")
+]
+
 
 def join(
     address: Annotated[str, typer.Argument(help="As `arena serve` prints it; without it, --pit.")] = "",
@@ -32,7 +36,7 @@ def join(
     rules: Annotated[str, typer.Option(help="Refuse to play any ruleset but this.")] = "",
     invite: Annotated[str, typer.Option(metavar="CODE", help="For a pit that wants one.")] = "",
     key: Annotated[Path | None, typer.Option(metavar="FILE", help="The entry's key; that of its name without it.")] = None,
-    authority: Annotated[Path | None, typer.Option(metavar="FILE", help="Who vouches for the pit's certificate (PEM).")] = None,
+    authority: Authority = None,
     audit: Annotated[bool, typer.Option(help="Check each match's journal once it may be seen.")] = True,
     transcripts: Annotated[bool, typer.Option(help="Keep what each seat was shown, for `arena replay show`.")] = True,
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where transcripts live; your data folder without it.")] = None,
@@ -122,12 +126,13 @@ def _say_audit(seat: "Seat", verdict: "Verdict") -> None:
 
 def doctor(
     pit: Annotated[str, typer.Option(metavar="ADDRESS", help="Also ask whether this pit answers.")] = "",
+    authority: Authority = None,
     as_json: AsJson = False,
 ) -> None:
     """Check that this machine can run the arena, and that a pit answers; exit 1 if something is amiss."""
     from clients.doctor import examine
 
-    findings = examine(pit)
+    findings = examine(pit, authority)
     if as_json:
         print_json([{"what": what, "ok": is_ok, "finding": finding} for what, is_ok, finding in findings])
     else:
@@ -142,6 +147,7 @@ def watch(
     spectator_key: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Of the pit's operator: shows both views, and the truth.")
     ] = None,
+    authority: Authority = None,
 ) -> None:
     """Watch a match as it runs: the public facts, and with the spectator key what each team sees beside the truth."""
     from rich.console import Console
@@ -157,7 +163,7 @@ def watch(
     last: Frame | None = None
     names = ("?", "?")
     with Live(console=console, auto_refresh=False, vertical_overflow="visible") as live:
-        for chosen, frame in watch(address, match, lambda pit_key: _trust(address, pit_key), key):
+        for chosen, frame in watch(address, authority, match, lambda pit_key: _trust(address, pit_key), key):
             names = frame.names or names
             if frame.ended is None and (key is None or frame.truth is not None):
                 drawn = _draw(chosen, names, frame, console.width if console.is_terminal else 10_000)
@@ -207,40 +213,48 @@ _Data = Annotated[Path | None, typer.Option("--data", metavar="DIR", help="The p
 
 
 @admin.command("kick")
-def kick(target: Annotated[str, typer.Argument(metavar="NAME|KEY")], pit: _Pit = "", data: _Data = None) -> None:
+def kick(
+    target: Annotated[str, typer.Argument(metavar="NAME|KEY")], pit: _Pit = "", data: _Data = None, authority: Authority = None
+) -> None:
     """Have an entry forfeit what it plays, and send it away; it may come back."""
-    _tell("kick", target, pit, data)
+    _tell("kick", target, pit, data, authority)
 
 
 @admin.command("ban")
-def ban(target: Annotated[str, typer.Argument(metavar="NAME|KEY")], pit: _Pit = "", data: _Data = None) -> None:
+def ban(
+    target: Annotated[str, typer.Argument(metavar="NAME|KEY")], pit: _Pit = "", data: _Data = None, authority: Authority = None
+) -> None:
     """Kick an entry, and never let its key in again."""
-    _tell("ban", target, pit, data)
+    _tell("ban", target, pit, data, authority)
 
 
 @admin.command("close")
-def close(pit: _Pit = "", data: _Data = None) -> None:
+def close(pit: _Pit = "", data: _Data = None, authority: Authority = None) -> None:
     """Begin no more matches; the pit ends with the last that runs."""
-    _tell("close", "the pit", pit, data)
+    _tell("close", "the pit", pit, data, authority)
 
 
 @admin.command("abort")
-def abort(match: Annotated[str, typer.Argument(metavar="MATCH")], pit: _Pit = "", data: _Data = None) -> None:
+def abort(
+    match: Annotated[str, typer.Argument(metavar="MATCH")], pit: _Pit = "", data: _Data = None, authority: Authority = None
+) -> None:
     """End a match as void."""
-    _tell("abort", match, pit, data)
+    _tell("abort", match, pit, data, authority)
 
 
 @admin.command("release-name")
-def release_name(name: Annotated[str, typer.Argument(metavar="NAME")], pit: _Pit = "", data: _Data = None) -> None:
+def release_name(
+    name: Annotated[str, typer.Argument(metavar="NAME")], pit: _Pit = "", data: _Data = None, authority: Authority = None
+) -> None:
     """Give a name back, for another key to take."""
-    _tell("release-name", name, pit, data)
+    _tell("release-name", name, pit, data, authority)
 
 
-def _tell(command: str, target: str, pit: str, data: Path | None) -> None:
+def _tell(command: str, target: str, pit: str, data: Path | None, authority: Path | None) -> None:
     from arena.address import Address, parse_address
     from arena.folders import data_folder
     from arena.keyring.files import load
     from clients import admin as operator
 
     address = parse_address(pit) if pit else Address()
-    typer.echo(operator.command(address, load(data_folder(data) / "keys" / "pit.key"), command, target))
+    typer.echo(operator.command(address, authority, load(data_folder(data) / "keys" / "pit.key"), command, target))

@@ -3,6 +3,7 @@
 import platform
 import time
 from importlib.metadata import version
+from pathlib import Path
 
 from arena.address import parse_address
 from arena.errors import ArenaError
@@ -14,11 +15,11 @@ Finding = tuple[str, bool, str]
 """What was looked at, whether it is well, and what was found."""
 
 
-def examine(pit: str) -> list[Finding]:
+def examine(pit: str, authority: Path | None) -> list[Finding]:
     """Return the findings; the pit's last, if one is named."""
     findings = [_look_at_versions(), _look_at_kernels()]
     if pit:
-        findings.append(_look_at_pit(pit))
+        findings.append(_look_at_pit(pit, authority))
     return findings
 
 
@@ -37,10 +38,10 @@ def _look_at_kernels() -> Finding:
     return "kernels", True, f"ready after {time.monotonic() - begin_s:.1f} s"
 
 
-def _look_at_pit(pit: str) -> Finding:
+def _look_at_pit(pit: str, authority: Path | None) -> Finding:
     try:
         address = parse_address(pit)
-        with open_client(address.endpoint) as session:
+        with open_client(address.endpoint, authority) as session:
             pit_key = ask_challenge(session, address).pit_key
             if address.fingerprint and to_text(pit_key) != address.fingerprint:
                 return f"pit {address}", False, f"another pit stands there: its key is {to_text(pit_key)}"

@@ -4,6 +4,7 @@ import queue
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +83,7 @@ class Spectator:
 
 
 def watch(
-    address: Address, match: str, trust: Callable[[bytes], None], spectator_key: bytes | None
+    address: Address, authority: Path | None, match: str, trust: Callable[[bytes], None], spectator_key: bytes | None
 ) -> Iterator[tuple[str, Frame]]:
     """Yield what happens in a match, the first that is heard of if none is named, until it ends.
 
@@ -103,7 +104,7 @@ def watch(
     """
     heard: queue.Queue[tuple[bool, Sample]] = queue.Queue(maxsize=MOST_WAITING)
     spectator: Spectator | None = None
-    with open_client(address.endpoint) as session:
+    with open_client(address.endpoint, authority) as session:
         pit_key = ask_challenge(session, address).pit_key
         trust(pit_key)
         session.subscribe(topics.all_public(address.pit), partial(_enqueue, heard, False))

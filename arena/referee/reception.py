@@ -28,12 +28,14 @@ FORGET_WAITING_S = 15.0
 """How long a seat stays reserved for a client that does not ask again."""
 MOST_GUESTS = 4_096
 """Clients that may wait for a seat at once."""
-MOST_KNOCKS = 512
+MOST_KNOCKS = 128
 """Requests that wait to be opened; what comes beyond is dropped, and asked again."""
 MOST_RUNNING = 256
 """Matches at once; each costs an open file."""
-_SHARE_S = 0.002
+_SHARE_S = 0.003
 """Of each sweep of a hundredth of a second, while matches run."""
+_MOST_OWED_S = 0.02
+"""What took longer, as the beginning of a match does, is taken off the shares that follow, as far as that."""
 
 
 @dataclass(slots=True)
@@ -67,6 +69,9 @@ class Floor(Protocol):
     tables: dict[str, Table]
     held: dict[SeatId, tuple[str, Team]]
 
+    def hear_orders(self) -> None:
+        """Take what the seats have said by now."""
+
     def begin(self, pairing: Pairing, entries: dict[Team, bytes]) -> Table:
         """Begin a match."""
 
@@ -85,6 +90,7 @@ class Reception:
         self._ruleset, self._seating = ruleset, seating
         self._knocks: deque[tuple[Question, bytes]] = deque()
         self.guests: dict[SeatId, Guest] = {}
+        self._share_s = _SHARE_S
         self.n_refused = 0
         """Requests that were not opened, or not signed by whom they name."""
 
@@ -106,8 +112,9 @@ class Reception:
 
     def serve(self) -> None:
         """Open requests that wait, for a while."""
-        end_s = time.monotonic() + _SHARE_S
+        end_s = time.monotonic() + self._share_s
         while self._knocks and (time.monotonic() < end_s or not self._floor.tables):
+            self._floor.hear_orders()  # a turn waits for one request at most
             question, payload = self._knocks.popleft()
             try:
                 caller = self._door.open(payload, time.monotonic())
@@ -120,6 +127,8 @@ class Reception:
                 visitor.answer(self._obey(caller.request))
             else:
                 self._receive(visitor, caller.request)
+        owed_s = min(max(time.monotonic() - end_s, 0.0), _MOST_OWED_S)
+        self._share_s = _SHARE_S - owed_s
 
     def _receive(self, visitor: Visitor, request: JoinRequest) -> None:
         """Seat an entry, or have it wait, or refuse it."""

@@ -138,11 +138,7 @@ class Referee:
             now_s = time.monotonic()
             if now_s >= next_sweep_s:
                 # What has come by now counts as come by now, however long the queue: the pit's own delay is charged to nobody.
-                for _ in range(MOST_WAITING):
-                    sample = self._actions.take()
-                    if sample is None:
-                        break
-                    self._on_action(sample)
+                self.hear_orders()
                 for _ in range(self._inbox.qsize()):
                     handle, arguments = self._inbox.get()
                     handle(*arguments)
@@ -185,6 +181,14 @@ class Referee:
             match_id, team = self.held.pop(seat)
             table = self.tables[match_id]
             self._carry_out(table, table.match.leave(team, now_s))
+
+    def hear_orders(self) -> None:
+        """Take what the seats have said by now."""
+        for _ in range(MOST_WAITING):
+            sample = self._actions.take()
+            if sample is None:
+                return
+            self._on_action(sample)
 
     def _on_action(self, sample: Sample) -> None:
         try:

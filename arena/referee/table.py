@@ -139,6 +139,7 @@ class Table:
         for first in range(0, len(observations), step):
             piece = slice(first, first + step)
             self._send(team, History(first_tick=known + first, observations=observations[piece], orders=orders[piece]))
+        self.chairs[team].sent = (-1, b"")  # as it was sealed, the turn would stand before the history, and not open any more
 
     def end(self, result: MatchResult) -> None:
         """Tell everyone how the match ended."""

@@ -183,12 +183,16 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
     answers = []
     thread = threading.Thread(target=lambda: answers.append(knock_until_answered(honest, name="honest", invite=codes[2])))
     thread.start()
-    busy = duel.play(lambda: all("sent" in flooder.said for flooder in flooders))
+    mems = []
+    def over():
+        if time.monotonic() - t0 > len(mems): mems.append(resident_mb(pit))
+        return all("sent" in flooder.said for flooder in flooders)
+    busy = duel.play(lambda: over() and all("sent" in flooder.said for flooder in flooders))
     cpu1 = sum(map(int, Path(f"/proc/{pit.process.pid}/stat").read_text().split()[13:15]))
     t1=time.monotonic()
     after = resident_mb(pit)
     thread.join()
     print([f.said for f in flooders])
-    print("quiet", statistics.median(quiet)*1e3, len(quiet), "busy", statistics.median(busy)*1e3, max(busy)*1e3, len(busy), "mem", before, after, answers, "pit cpu", (cpu1-cpu0)/100/(t1-t0))
+    print("quiet", statistics.median(quiet)*1e3, len(quiet), "busy", statistics.median(busy)*1e3, max(busy)*1e3, len(busy), "mem", before, after, mems, answers, "pit cpu", (cpu1-cpu0)/100/(t1-t0))
     lobby = read_fact(decode(stranger().query(topics.lobby("pit"), b"")), duel.players[0].pit_key)
     print(len(lobby.running), len(lobby.waiting), lobby.n_begun)

@@ -1,6 +1,7 @@
 """No key and counter ever seal two messages, whoever is killed and comes back; every process writes down all that it seals."""
 
 import json
+import signal
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ PATIENCE_S = 60.0
 SALT_BYTES = 32
 HEAD_BYTES = 12
 Start = Callable[..., Any]
-RECORDER = '''
+RECORDER = """
 import json, os
 from pathlib import Path
 from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
@@ -41,7 +42,7 @@ class Recorder:
 sealing.ChaCha20Poly1305 = Recorder
 from arena.cli import main
 main()
-'''
+"""
 BOT = '''
 """Thinks at some ticks until there is a file to go on."""
 
@@ -80,7 +81,8 @@ class Listener:
     def __init__(self, stranger: Any) -> None:
         self._heard: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
         for shape in (topics.all_observations("pit"), topics.all_truths("pit"), topics.all_public("pit")):
-            stranger.session.declare_subscriber(shape, self._hear)
+            # On the thread that receives: each other callback has a thread of its own, and the order would be lost.
+            stranger.session.declare_subscriber(shape, zenoh.handlers.Callback(self._hear, indirect=False))
         stranger.challenge()  # once it is answered, the router knows what we listen to
 
     def _hear(self, sample: zenoh.Sample) -> None:
@@ -132,6 +134,7 @@ def test_no_key_and_counter_seal_two_messages_whoever_is_killed_and_comes_back(
     (tmp_path / "go-8").touch()
     blues.append(join("--team", "blue", "--policy", bot, "--name", "bot", **code))
     late = after.take(is_ending)
+    pits[1].send(signal.SIGTERM)
 
     assert [process.finish() for process in (blues[1], red, pits[1])] == [0, 0, 0], pits[1].said
     by_process = {process: read_records(records / str(process.process.pid)) for process in (*pits, red, *blues)}
@@ -176,7 +179,7 @@ def test_a_turn_that_is_asked_for_again_is_the_very_bytes_that_it_was_or_stands_
     serve: Start, join: Start, stranger: Start
 ) -> None:
     serve("--matches", 1, "--seed", 7, "--turn-time", 60, "--set", "tick_limit=12")
-    join("--team", "blue", "--policy", "patrol", "--no-transcripts").wait_for("patrol waits for an opponent")
+    join("--team", "blue", "--policy", "patrol", "--no-transcripts")
     eve = stranger()
     eve.sit(team="red")
     for _ in range(3):

@@ -21,10 +21,11 @@ from arena.keyring import files
 from arena.protocol.identity import verify
 
 PKCS8 = (Encoding.PEM, PrivateFormat.PKCS8)
-PEM = Ed25519PrivateKey.generate().private_bytes(*PKCS8, NoEncryption())
-LOCKED = Ed25519PrivateKey.generate().private_bytes(*PKCS8, BestAvailableEncryption(b"word"))
+KEY = Ed25519PrivateKey.from_private_bytes(bytes(range(32)))
+PEM = KEY.private_bytes(*PKCS8, NoEncryption())
+LOCKED = KEY.private_bytes(*PKCS8, BestAvailableEncryption(b"word"))
 OTHER = generate_private_key(SECP256R1()).private_bytes(*PKCS8, NoEncryption())
-PUBLIC = Ed25519PrivateKey.generate().public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+PUBLIC = KEY.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
 IDENTITY = (files.load, files.load_or_make)
 SECRET = (files.load_secret, files.load_or_make_secret)
 READ = (*IDENTITY, *SECRET)

@@ -16,10 +16,9 @@ from arena.keyring.cli import complete_entry, complete_pit
 from arena.keyring.files import load
 from arena.keyring.known_pits import check_pit, known_pits
 from arena.keyring.ring import config_folder, entry_key_path, list_entries
-from arena.protocol.identity import Identity
 
 Run = Callable[..., SimpleNamespace]
-PIT, PUBLIC = "127.0.0.1:7447/pit", Identity.make().public
+PIT, PUBLIC = "127.0.0.1:7447/pit", bytes(range(32))
 
 
 @pytest.fixture(autouse=True)

@@ -5,13 +5,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from arena.errors import InputError, KeyFileError, UnknownNameError
 from arena.keyring.known_pits import check_pit, forget, known_pits
 from arena.protocol.identity import Identity, to_text
 
 PIT = "127.0.0.1:7447/pit"
-OLD, NEW = (Identity.make().public for _ in range(2))
+OLD, NEW = (Identity(Ed25519PrivateKey.from_private_bytes(bytes([n]) * 32)).public for n in range(2))
 
 WORKER = """
 import os

@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 from arena.errors import InputError, UnreadableError
 from arena.game.types import Team
 from arena.protocol import topics
-from arena.protocol.sealing import OpenSeal
 
 CHUNKS = st.from_regex(r"[A-Za-z0-9_-]{1,64}", fullmatch=True)
 
@@ -50,8 +49,3 @@ def test_a_name_that_could_reach_into_another_key_is_refused(chunk: str) -> None
 def test_a_plain_name_is_taken(chunk: str) -> None:
     assert topics.is_chunk(chunk)
     assert topics.check_chunk("the name", chunk) == chunk
-
-
-@given(st.binary())
-def test_what_was_closed_opens(data: bytes) -> None:
-    assert OpenSeal().open(OpenSeal().close(data)) == data

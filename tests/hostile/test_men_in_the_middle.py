@@ -1,0 +1,396 @@
+"""Who stands between a client and its pit, or in the pit's place, or claims another's name: refused, each with its own sentence."""
+
+import json
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from arena.errors import ForgedError
+from arena.game.types import Team
+from arena.protocol import topics
+from arena.protocol.codec import decode, encode
+from arena.protocol.handshake import new_secret, sign_challenge
+from arena.protocol.identity import Identity
+from arena.protocol.messages import Answer, Challenge, Ended, Lobby, Orders, Ready, Refusal, Signed, Ticket, Turn, Wait
+from arena.records.journal import load_journal
+from arena.referee.replay import verify
+from arena.transport import free_port
+
+Start = Callable[..., Any]
+Change = Callable[[bytes, bytes], bytes]
+"""What the one who asked is told, given the question and the pit's answer; nothing if it is b""."""
+
+
+def open_session(**settings: Any) -> zenoh.Session:
+    config = zenoh.Config()
+    for key, value in {"scouting/multicast/enabled": False, **settings}.items():
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)
+
+
+def flip(data: bytes) -> bytes:
+    return data[:-1] + bytes([data[-1] ^ 1])
+
+
+class Middleman:
+    """A router that victims take for the pit's; it passes on what they say, and what they are told."""
+
+    def __init__(self, port: int, change: Change = lambda asked, answer: answer, pass_on: Callable[[bytes], list[bytes]] | None = None):
+        self.port, self._change = free_port(), change
+        """Where it listens."""
+        self.n_passed = 0
+        pass_on = pass_on or (lambda data: [data])
+        endpoint = {"connect/endpoints": [f"tcp/127.0.0.1:{port}"]}
+        self._pit = open_session(mode="client", **endpoint)
+        self._victim = open_session(mode="router", **{"listen/endpoints": [f"tcp/127.0.0.1:{self.port}"]})
+        remote = zenoh.Locality.REMOTE
+        for key in (topics.join("pit"), topics.lobby("pit"), topics.all_journals("pit")):
+            self._victim.declare_queryable(key, zenoh.handlers.Callback(self._ask))
+        for one, other, key in (
+            (self._victim, self._pit, topics.all_actions("pit")),
+            (self._pit, self._victim, topics.all_observations("pit")),
+        ):
+
+            def carry(other: zenoh.Session, sample: zenoh.Sample) -> None:
+                for data in pass_on(sample.payload.to_bytes()):
+                    self.n_passed += 1
+                    block = zenoh.CongestionControl.BLOCK
+                    other.put(sample.key_expr, data, congestion_control=block, allowed_destination=remote)
+
+            one.declare_subscriber(key, zenoh.handlers.Callback(partial(carry, other)))
+
+    def _ask(self, query: zenoh.Query) -> None:
+        asked, key = query.payload.to_bytes() if query.payload else b"", str(query.key_expr)
+
+        def heard(reply: zenoh.Reply) -> None:
+            answer = self._change(asked, reply.ok.payload.to_bytes()) if reply.ok else b""
+            if answer:
+                query.reply(key, answer)
+
+        self._pit.get(key, zenoh.handlers.Callback(heard, query.drop), payload=asked, timeout=20.0)
+
+    def close(self) -> None:
+        for session in (self._victim, self._pit):
+            session.close()
+
+
+@pytest.fixture
+def middleman(port: int) -> Iterator[Callable[..., Middleman]]:
+    """Put somebody between the pit and those who connect to its port."""
+    with ExitStack() as running:
+
+        def begin(**options: Any) -> Middleman:
+            one = Middleman(port, **options)
+            running.callback(one.close)
+            return one
+
+        yield begin
+
+
+def address(pit: Any, port: int | None = None) -> str:
+    """Return what a pit says to join it with; or that pit's key at another port."""
+    said: str = pit.said.partition("join with: arena join ")[2].split()[0]
+    return said if port is None else f"arena://127.0.0.1:{port}/pit#{said.partition('#')[2]}"
+
+
+def lobby(one: Any) -> Lobby:
+    signed = decode(one.query(topics.lobby("pit"), b""))
+    assert isinstance(signed, Signed)
+    said = decode(signed.data)
+    assert isinstance(said, Lobby)
+    return said
+
+
+def later(do: Callable[..., Any], *arguments: Any, **options: Any) -> Future[Any]:
+    """Do something that waits for what comes next."""
+    return ThreadPoolExecutor().submit(do, *arguments, **options)
+
+
+def play(blue: Any, red: Any, n_ticks: int) -> tuple[bytes, bytes]:
+    """Play a whole match, and return what each ordered in every tick."""
+    actions = b"\1" * 6, b"\2" * 6
+    for seat in (blue, red):
+        seat.say(Ready(known_ticks=0))
+    for tick in range(n_ticks):
+        for seat, wanted in zip((blue, red), actions, strict=True):
+            assert seat.next(Turn).tick == tick
+            seat.say(Orders(tick=tick, actions=wanted), tick)
+    for seat in (blue, red):
+        assert seat.next(Ended).ticks == n_ticks
+    return actions
+
+
+def sit_down(blue: Any, blue_name: str, red: Any, red_name: str) -> None:
+    waiting = later(blue.sit, name=blue_name, team="blue")
+    red.sit(name=red_name, team="red")
+    waiting.result()
+
+
+# Requests
+
+
+def test_a_request_that_comes_a_second_time_is_refused_and_its_owner_keeps_seat_and_keys(
+    serve: Start, stranger: Start, tmp_path: Path
+) -> None:
+    pit = serve("--matches", 1, "--seed", 7, "--set", "tick_limit=3", "--turn-time", 60)
+    ann, bob, eve = stranger(), stranger(), stranger()
+    attempt = ann.attempt(name="ann", team="blue")
+
+    def replay() -> None:
+        for one in (eve, ann):
+            answer = decode(one.query(topics.join("pit"), attempt.knock))
+            assert isinstance(answer, Refusal), answer
+            assert answer.reason == "a request comes a second time"
+
+    waiting = later(ann.query, topics.join("pit"), attempt.knock)
+    while not lobby(eve).waiting:
+        pass
+    replay()
+    bob.sit(name="bob", team="red")
+    ticket = attempt.open(waiting.result())
+    assert isinstance(ticket, Ticket)
+    replay()
+    ann.take(attempt, ticket)
+    ann.match, ann.team = ticket.match, Team.BLUE
+    ann.session.declare_subscriber(topics.observation("pit", ticket.match, Team.BLUE), ann._hear)
+    for seat in (ann, bob):
+        seat.say(Ready(known_ticks=0))
+    for tick in range(3):
+        for seat, actions in ((ann, b"\1" * 6), (bob, b"\2" * 6)):
+            assert seat.next(Turn).tick == tick
+            replay()
+            seat.say(Orders(tick=tick, actions=actions), tick)
+
+    assert ann.next(Ended).faults["blue"] == dict.fromkeys(ann_faults := bob.next(Ended).faults["blue"], 0), ann_faults
+    assert pit.finish() == 0
+    (path,) = (tmp_path / "journals").glob("*.journal")
+    journal = load_journal(path)
+    assert verify(journal) == 3
+    assert [tick.orders for tick in journal.ticks] == [b"\1" * 6 + b"\2" * 6] * 3
+
+
+def test_an_answer_opens_for_its_own_request_alone(serve: Start, stranger: Start) -> None:
+    serve()
+    ann, eve = stranger(), stranger()
+    first, second = (ann.attempt(team="green", slot=slot) for slot in (0, 1))
+    others = eve.attempt(team="green")
+    answers = [one.query(topics.join("pit"), attempt.knock) for one, attempt in ((ann, first), (ann, second), (eve, others))]
+
+    for number, attempt in enumerate((first, second, others)):
+        for other, answer in enumerate(answers):
+            if number == other:
+                assert isinstance(attempt.open(answer), Refusal)
+            else:
+                with pytest.raises(ForgedError, match="an answer does not open"):
+                    attempt.open(answer)
+        with pytest.raises(ForgedError, match="an answer is not sealed"):
+            attempt.open(encode(Refusal(reason="no")))
+
+
+# A man in the middle
+
+
+def test_nobody_plays_whose_answers_a_man_in_the_middle_makes_up(serve: Start, start: Start, middleman: Start) -> None:
+    pit = serve()
+    true, rival = address(pit).partition("#")[2], Identity.make()
+    kept: list[bytes] = []
+
+    def say_no(asked: bytes, answer: bytes) -> bytes:
+        return encode(Refusal(reason="go away")) if isinstance(decode(answer), Answer) else answer
+
+    def say_nothing_new(asked: bytes, answer: bytes) -> bytes:
+        if isinstance(decode(answer), Answer):
+            kept.append(answer)
+            return kept[0] if len(kept) > 1 else b""  # the first answer, which its own client has never had
+        return answer
+
+    def change(asked: bytes, answer: bytes) -> bytes:
+        return flip(answer) if isinstance(decode(answer), Answer) else answer
+
+    def show_own_key(asked: bytes, answer: bytes) -> bytes:
+        return encode(sign_challenge("pit", rival, new_secret(), new_secret()))
+
+    def put_own_key_in(asked: bytes, answer: bytes) -> bytes:
+        said = decode(answer)
+        assert isinstance(said, Challenge)
+        own = Challenge(pit_key=said.pit_key, sealing_key=rival.public, number=said.number, signature=said.signature)
+        return encode(own)
+
+    goes_on = (1, "arena: no pit called pit answers at tcp/127.0.0.1:")
+    both_keys = f"has the key {rival.fingerprint}, the address says {true}: another pit stands there, or the address is old"
+    changes: dict[Change, tuple[int, str]] = {
+        say_no: goes_on,
+        say_nothing_new: goes_on,
+        change: goes_on,
+        show_own_key: (2, both_keys),
+        put_own_key_in: (1, "the signature of a challenge does not hold"),
+    }
+    # A team that is none is answered at once, so that every client hears an answer, and not Wait some seconds later.
+    code = "from arena.cli import main; import clients.cli; main()"
+    victims = {
+        start("join", address(pit, middleman(change=one).port), "--name", one.__name__, "--patience", 0, code=code): said
+        for one, said in changes.items()
+    }
+
+    for victim, (exit_code, sentence) in victims.items():
+        assert victim.finish() == exit_code, victim.said
+        assert sentence in victim.said
+        assert "go away" not in victim.said
+        assert "match " not in victim.said
+        assert "Traceback" not in victim.said
+    assert pit.process.poll() is None
+
+
+def test_a_refusal_in_the_pits_name_does_not_send_a_client_away(serve: Start, start: Start, join: Start, middleman: Start) -> None:
+    pit = serve("--matches", 1, "--seed", 7)
+    n_refused = 0
+
+    def say_no_at_first(asked: bytes, answer: bytes) -> bytes:
+        nonlocal n_refused
+        if n_refused == 3 or not isinstance(decode(answer), Answer):
+            return answer
+        n_refused += 1
+        return encode(Refusal(reason="go away"))
+
+    victim = start("join", address(pit, middleman(change=say_no_at_first).port), "--name", "victim", "--team", "red")
+    victim.wait_for("victim waits for an opponent")
+    other = join("--policy", "roomba")
+
+    assert [process.finish() for process in (victim, other, pit)] == [0, 0, 0]
+    assert n_refused == 3
+    assert "go away" not in victim.said
+
+
+def test_what_a_man_in_the_middle_adds_is_counted_and_changes_nothing(
+    serve: Start, start: Start, join: Start, middleman: Start, tmp_path: Path
+) -> None:
+    pit = serve("--matches", 1, "--seed", 7, "--turn-time", 20)
+    said: list[bytes] = []
+
+    def add(data: bytes) -> list[bytes]:
+        said.append(data)
+        return [flip(data), said[0], os_junk, data, data]
+
+    os_junk = bytes(200)
+    between = middleman(pass_on=add)
+    victim = start("join", address(pit, between.port), "--name", "victim", "--team", "red").wait_for("victim waits for an opponent")
+    other = join("--policy", "roomba")
+
+    assert [process.finish() for process in (victim, other, pit)] == [0, 0, 0]
+    assert "the journal is of this match, under the keys that the pit committed itself to" in victim.said
+    assert between.n_passed > 100
+    (path,) = (tmp_path / "journals").glob("*.journal")
+    journal = load_journal(path)
+    assert verify(journal) > 0
+    assert not any(mark for tick in journal.ticks for mark in tick.marks)
+    assert "red " in pit.said.partition("counted: ")[2]
+    assert "forged" in pit.said.partition("counted: ")[2]
+    assert "blue" not in pit.said.partition("counted: ")[2]
+
+
+def test_a_pit_that_has_another_key_than_before_is_refused_until_its_old_key_is_forgotten(
+    serve: Start, join: Start, start: Start, stranger: Start, port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ARENA_CONFIG", str(tmp_path / "config"))
+    first = serve()
+    old = address(first)
+    eve = stranger()
+    sealed_to_the_first = eve.attempt().knock
+    trusting = join().wait_for("rush waits for an opponent")
+    assert f"from now on 127.0.0.1:{port}/pit must show the key {old.partition('#')[2]}" in trusting.said
+    trusting.kill()
+    first.kill()
+    known = (tmp_path / "config" / "known_pits").read_bytes()
+
+    second = serve("--data", tmp_path / "second")
+    new = address(second)
+    assert new != old
+    changed, named = join(), start("join", old)
+    assert changed.finish() == named.finish() == 2
+    place = f"127.0.0.1:{port}/pit"
+    keys = f"from {old.partition('#')[2]} to {new.partition('#')[2]}"
+    assert f"arena: the key of the pit at {place} has changed {keys}: either its operator made a new one, or" in changed.said
+    assert f"arena keys forget {place}" in changed.said
+    assert "another pit stands there, or the address is old" in named.said
+    assert (tmp_path / "config" / "known_pits").read_bytes() == known
+    refused = decode(stranger().query(topics.join("pit"), sealed_to_the_first))
+    assert isinstance(refused, Refusal)
+    assert "it was sealed to another pit, or to this one before it started" in refused.reason
+
+    assert start("keys", "forget", place).finish() == 0
+    again = join().wait_for("rush waits for an opponent")
+    assert f"must show the key {new.partition('#')[2]}" in again.said
+
+
+# Names and invites
+
+
+def test_a_name_belongs_to_the_key_that_finished_a_match_under_it_until_it_is_released(
+    serve: Start, join: Start, start: Start, stranger: Start, tmp_path: Path
+) -> None:
+    pit = serve("--seed", 7, "--set", "tick_limit=1", "--turn-time", 60)
+    ann, bob, eve = stranger(), stranger(), stranger()
+    sentence = (
+        "the name ann belongs to another key; choose one with --name, or ask the operator for `arena admin release-name ann`"
+    )
+    sit_down(eve, "ann", bob, "bob")
+    assert not (tmp_path / "register.json").exists(), "a name that has finished no match is nobody's"
+    eve.close()
+    sit_down(ann, "ann", bob, "bob")
+    play(ann, bob, 1)
+    eve = stranger(identity=eve.identity)
+
+    assert eve.ask(name="ann") == Refusal(reason=sentence)
+    pit.kill()
+    pit = serve("--seed", 7, "--set", "tick_limit=1", "--turn-time", 60)
+    ann, bob, eve = (stranger(identity=one.identity) for one in (ann, bob, eve))
+    assert eve.ask(name="ann") == Refusal(reason=sentence)
+    process = join("--name", "ann", "--policy", "rush")
+    assert process.finish() == 1
+    assert f"arena: the pit says no: {sentence}" in process.said
+    assert eve.ask(name="ann", match="whatever") == Refusal(reason=sentence)
+    sit_down(ann, "ann", bob, "bob")
+
+    released = start("admin", "release-name", "ann", "--pit", address(pit), "--data", tmp_path)
+    assert released.finish() == 0
+    assert "the name ann is free" in released.said
+    sit_down(eve, "ann", stranger(), "cid")
+
+
+def test_an_invite_is_for_the_first_key_that_comes_with_it(
+    serve: Start, join: Start, stranger: Start, tmp_path: Path
+) -> None:
+    (tmp_path / "codes").write_text("first-code  # for ann\nsecond-code\n")
+    pit = serve("--invite", tmp_path / "codes")
+    owner = join("--name", "ann", "--invite", "first-code").wait_for("ann waits for an opponent")
+    eve = stranger()
+    assert lobby(eve).needs_invite
+    refused = {
+        "": "this pit wants an invite code; join with --invite CODE",
+        "no-code": "the invite code is none of this pit's",
+        "first-code": "the invite code was used by another key",
+    }
+
+    for code, sentence in refused.items():
+        assert eve.ask(invite=code) == Refusal(reason=sentence)
+    processes = {join("--name", "bob", *(("--invite", code) if code else ())): said for code, said in refused.items()}
+    for process, sentence in processes.items():
+        assert process.finish() == 1
+        assert process.said.splitlines()[-1] == f"arena: the pit says no: {sentence}"
+    assert owner.process.poll() is None
+    owner.kill()
+    pit.kill()
+
+    serve("--invite", tmp_path / "codes")
+    eve = stranger()
+    assert eve.ask(invite="first-code") == Refusal(reason="the invite code was used by another key")
+    owner = join("--name", "ann", "--invite", "first-code").wait_for("ann waits for an opponent")
+    assert isinstance(eve.ask(invite="second-code", match="none"), Wait)
+    eve.sit(invite="second-code")
+    owner.wait_for("against eve")
