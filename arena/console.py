@@ -14,6 +14,7 @@ import typer
 if TYPE_CHECKING:
     from rich.table import Table
 
+_RATE_AFTER_S = 0.5
 _LINE_EVERY_S = 5.0
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of a table.")]
 """The option that every command which prints a table takes."""
@@ -93,17 +94,35 @@ def progress_bar(total: int, what: str, *, each: str = "matches") -> Iterator[Ca
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
-    begin_s = time.monotonic()
+    rate = _Rate()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(what, total=total, rate="")
 
         def advance(n: int) -> None:
             progress.advance(task, n)
-            done, took_s = progress.tasks[0].completed, time.monotonic() - begin_s
-            if took_s > 1:
-                progress.update(task, rate=f"{done / took_s:,.1f} {each}/s")
+            per_s = rate.count(n)
+            if per_s:
+                progress.update(task, rate=f"{per_s:,.1f} {each}/s")
 
         yield advance
+
+
+class _Rate:
+    """How many there are a second, from the first on: the time before it went into getting ready."""
+
+    def __init__(self) -> None:
+        self._n = 0
+        self._first_s: float | None = None
+
+    def count(self, n: int) -> float:
+        """Count further; 0 while nothing can be said."""
+        now_s = time.monotonic()
+        if self._first_s is None:
+            self._first_s = now_s
+            return 0.0
+        self._n += n
+        took_s = now_s - self._first_s
+        return self._n / took_s if took_s > _RATE_AFTER_S else 0.0
 
 
 class _Lines:
@@ -111,21 +130,18 @@ class _Lines:
 
     def __init__(self, total: int, what: str, each: str) -> None:
         self._total, self._what, self._each = total, what, each
-        self._done = 0
-        self._begin_s = self._said_s = time.monotonic()
+        self._done, self._rate = 0, _Rate()
+        self._said_s = time.monotonic()
 
     def advance(self, n: int) -> None:
         """Count further, and say so if it is time."""
         self._done += n
-        now_s = time.monotonic()
+        per_s, now_s = self._rate.count(n), time.monotonic()
         if now_s - self._said_s < _LINE_EVERY_S:
             return
         self._said_s = now_s
-        rate = self._done / (now_s - self._begin_s)
-        left_s = (self._total - self._done) / rate if rate else 0.0
-        typer.echo(
-            f"{self._what}: {self._done:,} of {self._total:,} {self._each}, {rate:,.1f} per s, {left_s:,.0f} s left", err=True
-        )
+        pace = f", {per_s:,.1f} per s, {(self._total - self._done) / per_s:,.0f} s left" if per_s else ""
+        typer.echo(f"{self._what}: {self._done:,} of {self._total:,} {self._each}{pace}", err=True)
 
 
 @contextmanager

@@ -1,198 +1,460 @@
-"""More than anybody means to say: junk on every key that a client may write to, and joins by thousands."""
+"""More than anybody means to say: junk on every key that a client may write to, and joins by the thousand.
+
+This file is also the program that sends the joins, so that they come from processes of their own.
+"""
 
 import json
 import random
-import runpy
 import statistics
 import sys
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin
 
 import pytest
 import zenoh
+from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey
+from hypothesis import given
+from hypothesis import strategies as st
 
-from arena.errors import ForgedError
+from arena.errors import ForgedError, ProtocolError
 from arena.game.types import RULES_VERSION, Team
 from arena.protocol import topics
-from arena.protocol.codec import decode, encode
-from arena.protocol.handshake import Attempt
-from arena.protocol.identity import Identity
-from arena.protocol.messages import Challenge, Hello, JoinRequest, Knock, Lobby, Orders, Ready, Refusal, Signed, Ticket, Turn, Wait
+from arena.protocol.codec import MOST_BYTES, decode, encode
 from arena.protocol.facts import read_fact
-from arena.referee.reception import MOST_GUESTS
+from arena.protocol.handshake import Attempt, new_secret, sign_challenge
+from arena.protocol.identity import Identity
+from arena.protocol.messages import Challenge, Ended, Hello, JoinRequest, Knock, Lobby, Message, Orders, Ready, Ticket, Turn
+from arena.protocol.sealing import Direction, Opener, Sealer, seat_context
+from arena.records.journal import load_journal, read_journal, whole_part
+from arena.referee.door import Door
+from arena.referee.reception import MOST_RUNNING
+from arena.referee.replay import verify
 
 Start = Callable[..., Any]
-Enter = Callable[..., Any]
+Size = Callable[[int, int], int]
+PATIENCE_S = 60.0
+JOIN, LOBBY = topics.join("pit"), topics.lobby("pit")
+
+# What is sent
+
+
+def example(hint: Any) -> Any:
+    """Return a value of a field's type."""
+    plain = {int: 3, str: "blue", bytes: b"\1" * 32, float: 1.5, bool: True}
+    if hint in plain:
+        return plain[hint]
+    inner = get_args(hint)
+    if get_origin(hint) is list:
+        return [example(inner[0])]
+    if get_origin(hint) is dict:
+        return {"blue": example(inner[1])}
+    return example(inner[0]) if inner else 7
+
+
+EVERY_KIND = [encode(kind(**{field.name: example(field.type) for field in fields(kind)})) for kind in get_args(Message)]
+LENGTHS = (0, 1, 2, 11, 12, 27, 28, 29, 92, 300, 500, 1_000, 5_000)
+LONG = (MOST_BYTES, MOST_BYTES + 1, 64_000, 65_536, 200_000)
+"""As long as the codec takes, and as the router takes, and longer."""
+
+
+def mutate(chance: random.Random, genuine: bytes) -> bytes:
+    """Return a message with some bits flipped, cut short, longer, or with another's bytes in its place."""
+    changed = bytearray(genuine)
+    for _ in range(chance.randint(1, 3)):
+        at = chance.randrange(len(changed) + 1)
+        match chance.randrange(5):
+            case 0 if changed:
+                changed[at % len(changed)] ^= 1 << chance.randrange(8)
+            case 1 if changed:
+                changed[at % len(changed)] = chance.randrange(256)
+            case 2:
+                del changed[at:]
+            case 3:
+                changed += chance.randbytes(chance.randint(1, 40))
+            case _:
+                changed[at : at + 8] = chance.randbytes(8)
+    return bytes(changed)
+
+
+def bad(chance: random.Random, genuine: list[bytes]) -> bytes:
+    """Return a message that was changed, or is random, or comes again."""
+    kind = chance.random()
+    if kind < 0.6:
+        return mutate(chance, chance.choice(genuine))
+    if kind < 0.8:
+        return chance.choice(genuine)
+    return chance.randbytes(chance.choice(LENGTHS if kind < 0.995 else LONG))
+
+
+# Without a network
+
+
+@given(st.binary(max_size=90), st.randoms(use_true_random=False))
+def test_nothing_made_of_a_sealed_message_opens_and_the_next_genuine_one_does(data: bytes, chance: random.Random) -> None:
+    context = seat_context("pit", "m", Team.BLUE, Direction.ACTION)
+    sealer, opener = Sealer(bytes(32), context), Opener(bytes(32), context)
+    first, second = sealer.close(data, 0), sealer.close(data + b"2", 1)
+    opener.open(first)
+
+    for _ in range(20):
+        forged = mutate(chance, chance.choice([first, second]))
+        if forged not in (first, second):
+            with pytest.raises(ForgedError):
+                opener.open(forged)
+
+    assert opener.open(second) == data + b"2"
+
+
+def test_bad_messages_raise_nothing_but_protocol_errors(size: Size) -> None:
+    chance = random.Random(4)
+    identity, context = Identity.make(), seat_context("pit", "m", Team.BLUE, Direction.ACTION)
+    door, sealer, opener = Door("pit", identity), Sealer(bytes(32), context), Opener(bytes(32), context)
+    challenge = decode(door.challenge(0.0))
+    assert isinstance(challenge, Challenge)
+    request = JoinRequest(rules_version=RULES_VERSION, name="eve", team="any", client="c", slot=0)
+    knocks = [Attempt(Identity.make(), "pit", challenge, request).knock for _ in range(20)]
+    sealed = [sealer.close(message, tick) for tick, message in enumerate(EVERY_KIND)]
+
+    for _ in range(size(3_000, 100_000)):
+        message = bad(chance, EVERY_KIND + sealed + knocks)
+        for take in (decode, opener.open, lambda data: door.open(data, 1.0)):
+            with suppress(ProtocolError):
+                take(message)
+
+    assert decode(opener.open(sealer.close(EVERY_KIND[0], 9))) == Hello()
+    other = sign_challenge("pit", identity, X25519PrivateKey.generate().public_key().public_bytes_raw(), new_secret())
+    with pytest.raises(ForgedError):
+        door.open(Attempt(identity, "pit", other, request).knock, 1.0)
+    assert door.open(Attempt(identity, "pit", challenge, request).knock, 1.0).request.name == "eve"
+
+
+# Against a pit
+
+BOT = """
+import threading
+import zlib
+from pathlib import Path
+
+GO = Path({go!r})
+
+
+def act(observation):
+    if not GO.exists():
+        threading.Event().wait(0.1)
+    seen = zlib.crc32(observation.ground.tobytes()) + observation.tick
+    return [(seen + unit.index) % 5 for unit in observation.units]
+"""
+MOST_GROWTH_MB = 30.0
+"""Of a pit, from one part of a flood to the next. It may hold 128 requests of 60 kB, and malloc keeps what it once had; each of
+100,000 messages, were it kept, would take 50 MB and more."""
+
+
+def resident_mb(command: Any) -> float:
+    """Return how much memory a process has."""
+    return int(Path(f"/proc/{command.process.pid}/statm").read_text().split()[1]) * 4096 / 1e6
+
+
+class Duel:
+    """A match of two strangers, who are both spoken for here."""
+
+    def __init__(self, blue: Any, red: Any, n_ticks: int, *codes: str) -> None:
+        sits = [
+            threading.Thread(target=one.sit, kwargs={"name": f"{team}-{uuid.uuid4().hex[:6]}", "team": team, "invite": code})
+            for one, team, code in zip((blue, red), ("blue", "red"), codes or ("", ""), strict=True)
+        ]
+        for sit in sits:
+            sit.start()
+        for sit in sits:
+            sit.join(PATIENCE_S)
+        assert blue.match == red.match != ""
+        self.players, self.n_ticks, self.tick = (blue, red), n_ticks, 0
+        self.sent: list[bytes] = []
+        for player in self.players:
+            player.say(Ready(known_ticks=0))
+        for player in self.players:
+            assert player.next(Turn).tick == 0
+
+    def play(self, is_over: Callable[[], bool], pause_s: float = 0.0) -> list[float]:
+        """Play until told, or to the end; return how long each turn took from the last order to the next observation, in ms."""
+        turns_ms = []
+        pause = threading.Event()
+        while self.tick < self.n_ticks and not is_over():
+            pause.wait(pause_s)
+            for player in self.players:
+                self.sent.append(player.seal(Orders(tick=self.tick, actions=bytes(6)), self.tick))
+                asked_s = time.perf_counter()
+                player.put(self.sent[-1])
+            self.tick += 1
+            for player in reversed(self.players):
+                if self.tick == self.n_ticks:
+                    player.next(Ended)
+                    continue
+                while player.next(Turn).tick != self.tick:
+                    pass
+                if player is self.players[1]:
+                    turns_ms.append((time.perf_counter() - asked_s) * 1e3)
+        return turns_ms
+
+
+class Shots:
+    """Sends bad messages, and waits for an end of every question."""
+
+    def __init__(self, one: Any, matches: list[str], genuine: list[bytes]) -> None:
+        self._one, self._matches, self._genuine = one, matches, genuine
+        self._chance = random.Random(7)
+        self._in_flight = threading.Semaphore(64)
+        self._tokens: list[Any] = []
+
+    def fire(self, n_each: int) -> None:
+        """Send so many on each kind of key."""
+        for kind in (self._act, self._join, self._look, self._fetch, self._appear):
+            for _ in range(n_each):
+                kind(bad(self._chance, self._genuine))
+        for _ in range(64):
+            assert self._in_flight.acquire(timeout=PATIENCE_S), "a question was neither answered nor dropped"
+        self._in_flight.release(64)
+        self._tokens.clear()
+
+    def _match(self) -> str:
+        return self._chance.choice([*self._matches, self._matches[0], "beat", "other", "*"])
+
+    def _act(self, payload: bytes) -> None:
+        key = f"arena/pit/match/{self._match()}/{self._chance.choice(['blue', 'red', 'red', '*', 'green'])}/action"
+        if key.endswith(f"/{self._one.match}/blue/action") and self._chance.random() < 0.5:
+            payload = self._one.seal(mutate(self._chance, self._chance.choice(EVERY_KIND)))  # of one who has the key
+        self._one.put(payload, key)
+
+    def _ask(self, key: str, payload: bytes) -> None:
+        assert self._in_flight.acquire(timeout=PATIENCE_S), "a question was neither answered nor dropped"
+        target = self._chance.choice([zenoh.QueryTarget.BEST_MATCHING, zenoh.QueryTarget.ALL])
+        extra = payload[:100] if self._chance.random() < 0.2 else None
+        end = zenoh.handlers.Callback(lambda reply: None, self._in_flight.release)
+        self._one.session.get(key, end, payload=payload, attachment=extra, target=target, timeout=PATIENCE_S)
+
+    def _join(self, payload: bytes) -> None:
+        self._ask(JOIN, payload)
+
+    def _look(self, payload: bytes) -> None:
+        self._ask(LOBBY + self._chance.choice(["", "?a=1;b", "?_anyke"]), payload)
+
+    def _fetch(self, payload: bytes) -> None:
+        self._ask(f"arena/pit/journal/{self._match()}{self._chance.choice(['', '?x=..'])}", payload)
+
+    def _appear(self, payload: bytes) -> None:
+        name = self._chance.choice([payload.hex()[:200] or "x", "ann", "*"])
+        self._tokens.append(self._one.session.liveliness().declare_token(f"arena/pit/presence/{name}/{payload.hex()[-32:] or 'y'}"))
+        if len(self._tokens) > 200:
+            self._tokens.pop(self._chance.randrange(200)).undeclare()
+
+
+def play_two(serve: Start, join: Start, folder: Path, n_ticks: int, n_matches: int) -> tuple[Any, list[Any]]:
+    """Begin a match of two honest clients, who take their time until there is a file to go on."""
+    folder.mkdir()
+    for name in ("ann", "bob"):
+        (folder / f"{name}.py").write_text(BOT.format(go=str(folder / "go")))
+    options = ("--seed", 7, "--turn-time", 60, "--set", f"tick_limit={n_ticks}", "--set", "units.ugv.attack=0")
+    pit = serve("--data", folder, "--matches", n_matches, *options)
+    clients = [join("--policy", folder / "ann.py", "--team", "blue"), join("--policy", folder / "bob.py", "--team", "red")]
+    return pit, [client.wait_for("rules paper") for client in clients]
+
+
+def honest_journal(folder: Path) -> Path:
+    (path,) = (folder / "journals").glob("*+ann+bob.journal")
+    return path
+
+
+def test_junk_on_every_key_changes_no_match_and_leaves_nothing_behind(
+    serve: Start, join: Start, stranger: Callable[[], Any], size: Size, tmp_path: Path
+) -> None:
+    n_ticks, n_each = size(600, 6_000), size(1_000, 100_000)
+    pit, clients = play_two(serve, join, tmp_path / "quiet", n_ticks, 1)
+    (tmp_path / "quiet" / "go").touch()
+    assert [process.finish() for process in (*clients, pit)] == [0, 0, 0]
+    quiet = load_journal(honest_journal(tmp_path / "quiet"))
+
+    pit, clients = play_two(serve, join, tmp_path / "loud", n_ticks, 2)
+    honest = clients[0].said.partition("match ")[2][:16]
+    eve = stranger()
+    duel = Duel(eve, stranger(), n_ticks)
+    duel.play(lambda: duel.tick == 20)
+    knocks = [eve.attempt().knock for _ in range(20)]
+    shots = Shots(eve, [honest, eve.match], [*duel.sent, *knocks, *(data for _, data in eve.raw[:20]), *EVERY_KIND])
+    shots.fire(n_each // 5)
+    warm_mb = resident_mb(pit)
+    begun_at = len(read_journal(whole_part(honest_journal(tmp_path / "loud").read_bytes())).ticks)
+    begun_s = time.monotonic()
+    shots.fire(n_each - n_each // 5)
+    took_s, grown_mb = time.monotonic() - begun_s, resident_mb(pit) - warm_mb
+    n_meanwhile = len(read_journal(whole_part(honest_journal(tmp_path / "loud").read_bytes())).ticks) - begun_at
+    assert all(process.process.poll() is None for process in (*clients, pit)), "the match did not outlast the flood"
+    (tmp_path / "loud" / "go").touch()
+    duel.play(lambda: False)
+
+    assert [process.finish() for process in (*clients, pit)] == [0, 0, 0]
+    loud = load_journal(honest_journal(tmp_path / "loud"))
+    print(f"{5 * n_each * 4 // 5 / took_s:.0f} messages/s; {warm_mb:.0f} MB and {grown_mb:+.1f}; {n_meanwhile} ticks meanwhile")
+    assert n_meanwhile >= 5
+    assert loud.header.identity == quiet.header.identity
+    assert verify(loud) == len(loud.ticks) == len(quiet.ticks)
+    assert loud.canonical_hash == quiet.canonical_hash
+    assert not any(mark for tick in loud.ticks for mark in tick.marks)
+    assert grown_mb < MOST_GROWTH_MB
+    assert "Traceback" not in pit.said + clients[0].said + clients[1].said
+
+
+# Joins
+
 JOINS_A_SECOND = 2_000
 N_FLOODERS = 2
+FLOODER = f"import runpy; runpy.run_path({__file__!r}, run_name='__main__')"
 RETRY_S = 0.25
 """As `clients.runner` does."""
 PAUSE_S = 0.005
-"""Of both players before each turn: a match of people and networks, not a benchmark."""
-FLOODER = f"import runpy; runpy.run_path({__file__!r}, run_name='__main__')"
+"""Of both players before each turn: nobody plays as fast as the pit can."""
 
 
 def flood(port: str, rate: str, n_joins: str) -> None:
-    """Ask for seats, as a process of its own: signed requests of entries that nobody knows, the same again, junk, and Hello."""
+    """Ask for seats: half are signed requests of new entries; the others are those again, junk, and Hello. Then wait to be killed."""
     config = zenoh.Config()
     for key, value in (("mode", "client"), ("connect/endpoints", [f"tcp/127.0.0.1:{port}"]), ("scouting/multicast/enabled", False)):
         config.insert_json5(key, json.dumps(value))
     session = zenoh.open(config)
-    import os
-    os.nice(int(os.environ.get("NICE","0")))
-    ((reply),) = session.get(topics.join("pit"), payload=encode(Hello()), timeout=30.0)
+    (reply,) = session.get(JOIN, payload=encode(Hello()), timeout=PATIENCE_S)
     challenge = decode(reply.ok.payload.to_bytes())
     assert isinstance(challenge, Challenge)
     chance = random.Random(port)
 
-    def signed() -> bytes:
-        name, client = f"n{uuid.uuid4().hex[:8]}", uuid.uuid4().hex
+    def sign() -> bytes:
+        name, client = uuid.uuid4().hex[:8], uuid.uuid4().hex
         request = JoinRequest(rules_version=RULES_VERSION, name=name, team="any", client=client, slot=0, invite="guessed")
         return Attempt(Identity.make(), "pit", challenge, request).knock
 
     joins: list[bytes] = []
     while len(joins) < int(n_joins):
-        fresh = [signed() for _ in range(5)]
-        junk = [encode(Knock(sealed=chance.randbytes(chance.randrange(500)))), chance.randbytes(300), encode(Hello())]
-        joins += [*fresh, fresh[0], chance.choice(joins or fresh), *junk]
-    n_answered = n_ended = 0
-
-    def heard(reply: Any) -> None:
-        nonlocal n_answered
-        n_answered += 1
-
-    def ended() -> None:
-        nonlocal n_ended
-        n_ended += 1
-
-    begun_s = time.monotonic()
+        signed = [sign() for _ in range(5)]
+        junk = [encode(Knock(sealed=chance.randbytes(300))), chance.randbytes(300), encode(Hello())]
+        joins += [*signed, signed[0], chance.choice(joins or signed), *junk]
     print("flooding", flush=True)
     pause = threading.Event()
+    begun_s = time.monotonic()
     for number, payload in enumerate(joins):
         ahead_s = begun_s + number / float(rate) - time.monotonic()
         if ahead_s > 0.002:
             pause.wait(ahead_s)
-        session.get(topics.join("pit"), zenoh.handlers.Callback(heard, ended), payload=payload, timeout=10.0)
-    took_s = time.monotonic() - begun_s
-    print("sent", json.dumps({"rate": round(len(joins) / took_s), "answered": n_answered, "ended": n_ended}), flush=True)
-    session.close()
+        session.get(JOIN, zenoh.handlers.Callback(lambda reply: None), payload=payload, timeout=10.0)
+    print(f"sent {len(joins) / (time.monotonic() - begun_s):.0f}", flush=True)
+    pause.wait()
+
+
+def ask_for_seat(one: Any, **changes: Any) -> tuple[float, Any]:
+    """Ask as a client does until the pit answers; return after how many seconds, and what it says."""
+    begun_s = time.monotonic()
+    pause = threading.Event()
+    values = {"rules_version": RULES_VERSION, "team": "any", "client": one.client, "slot": 0, **changes}
+    while time.monotonic() - begun_s < PATIENCE_S:
+        challenge = one.query(JOIN, encode(Hello()))
+        if challenge:
+            attempt = Attempt(one.identity, "pit", decode(challenge), JoinRequest(**values))
+            answer = one.query(JOIN, attempt.knock)
+            if answer:
+                return time.monotonic() - begun_s, attempt.open(answer)
+        pause.wait(RETRY_S)
+    raise AssertionError("the pit does not answer")
+
+
+def look(one: Any, pit_key: bytes) -> Lobby:
+    """Return the pit's public facts."""
+    signed: Any = decode(one.query(LOBBY, b""))
+    fact = read_fact(signed, pit_key)
+    assert isinstance(fact, Lobby)
+    return fact
+
+
+@pytest.mark.parametrize("kind", ["open", "invited"])
+def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
+    kind: str, serve: Start, start: Start, stranger: Callable[[], Any], port: int, size: Size, tmp_path: Path
+) -> None:
+    """The turns of one match are timed, before the flood and in it, and the medians compared.
+
+    Those who flood stand for other machines, so they yield to the pit where cores are few (`nice`), and still send what they
+    should: their rate is checked. At the small size, which shares its cores with other tests, and whose two seconds are mostly
+    the beginning of the matches that the strangers get in an open pit, the bound is looser.
+    """
+    n_ticks, flood_s, most_times = size(1_500, 4_000), size(2, 10), size(6, 2)
+    codes = [f"code-{number}" for number in range(6)]
+    invites = tmp_path / "invites"
+    invites.write_text("\n".join(codes))
+    pit = serve(
+        *("--seed", 7, "--turn-time", 60, "--grace", 3, "--set", f"tick_limit={n_ticks}"),
+        *(("--invite", invites) if kind == "invited" else ()),
+    )
+    duel = Duel(stranger(), stranger(), n_ticks, *codes[:2])
+    guests = [stranger(), stranger()]
+    answers: list[tuple[float, Any]] = []
+
+    def ask(guest: Any, name: str, code: str) -> None:
+        answers.append(ask_for_seat(guest, name=name, invite=code))
+
+    asks = [threading.Thread(target=ask, args=item) for item in zip(guests, ("ann", "ben"), codes[2:4], strict=True)]
+
+    quiet_end_s = time.monotonic() + 2.0
+    quiet_ms = duel.play(lambda: time.monotonic() > quiet_end_s, PAUSE_S)
+    rate = JOINS_A_SECOND // N_FLOODERS
+    nice = f"import os; os.nice(19); {FLOODER}"
+    flooders = [start(port, rate, rate * flood_s, code=nice) for _ in range(N_FLOODERS)]
+    for flooder in flooders:
+        flooder.wait_for("flooding")
+    memory_mb: list[float] = []
+    begun_s = time.monotonic()
+
+    def is_over() -> bool:
+        if time.monotonic() - begun_s >= len(memory_mb):
+            memory_mb.append(resident_mb(pit))
+        if len(memory_mb) == 2 and not asks[0].ident:
+            for one in asks:
+                one.start()
+        return all("sent" in flooder.said for flooder in flooders)
+
+    busy_ms = duel.play(is_over, PAUSE_S)
+    n_files = len(list(Path(f"/proc/{pit.process.pid}/fd").iterdir()))
+    for one in asks:
+        one.join(PATIENCE_S)
+    for flooder in flooders:
+        flooder.kill()
+
+    rates = [int(flooder.said.rpartition("sent ")[2]) for flooder in flooders]
+    quiet, busy = statistics.median(quiet_ms), statistics.median(busy_ms)
+    print(
+        f"{kind}: {sum(rates)} joins/s; turns of {quiet:.2f} ms, in the flood {busy:.2f} ms, {busy / quiet:.2f} times, at most "
+        f"{max(busy_ms):.0f} ms; memory by the second {[round(mb) for mb in memory_mb]} MB; {n_files} files; "
+        f"answered after {[round(waited_s, 2) for waited_s, _ in answers]} s"
+    )
+    assert sum(rates) > 0.8 * JOINS_A_SECOND, "the flood was none"
+    assert busy < most_times * quiet
+    assert len(answers) == len(guests)
+    assert all(waited_s < 5.0 for waited_s, _ in answers)
+    assert all(isinstance(answer, Ticket) for _, answer in answers)
+    assert n_files < MOST_RUNNING + 100
+    assert memory_mb[-1] - memory_mb[len(memory_mb) // 2] < MOST_GROWTH_MB
+    later = stranger()
+    pause = threading.Event()
+    for _ in range(200):
+        lobby = look(later, duel.players[0].pit_key)
+        if len(lobby.running) == 1 and not lobby.waiting:
+            break
+        pause.wait(RETRY_S)
+    assert (len(lobby.running), lobby.waiting) == (1, []), "nothing of the flood stays"
+    Duel(later, stranger(), n_ticks, *codes[4:]).play(lambda: False)
+    duel.play(lambda: False)
+    assert pit.process.poll() is None
+    assert "Traceback" not in pit.said
 
 
 if __name__ == "__main__":
     flood(*sys.argv[1:])
-
-
-class Duel:
-    """Two strangers of one match who play it in a thread, and time every turn."""
-
-    def __init__(self, eve: Any, bob: Any) -> None:
-        self.players = (eve, bob)
-        self.turns_s: list[float] = []
-        self.tick = 0
-        for player in self.players:
-            player.say(Ready(known_ticks=0))
-        for player in self.players:
-            player.next(Turn)
-
-    def play(self, is_over: Callable[[], bool]) -> list[float]:
-        """Play until told; return how long each turn took, from the last order to the next observation."""
-        turns_s = []
-        pause = threading.Event()
-        while not is_over():
-            pause.wait(PAUSE_S)
-            for player in self.players:
-                asked_s = time.perf_counter()
-                player.say(Orders(tick=self.tick, actions=bytes(6)))
-            self.tick += 1
-            assert self.players[1].next(Turn).tick == self.tick
-            turns_s.append(time.perf_counter() - asked_s)
-            assert self.players[0].next(Turn).tick == self.tick
-        return turns_s
-
-
-def sit_both(eve: Any, bob: Any, **changes: Any) -> Duel:
-    """Seat two strangers in one match."""
-    thread = threading.Thread(target=lambda: eve.sit(name="eve", team="blue", **changes))
-    thread.start()
-    bob.sit(name="bob", team="red", **changes)
-    thread.join()
-    assert eve.match == bob.match
-    return Duel(eve, bob)
-
-
-def knock_until_answered(one: Any, **changes: Any) -> tuple[float, Any]:
-    """Ask for a seat as a client does; return how long it took, and what was answered."""
-    begun_s = time.monotonic()
-    pause = threading.Event()
-    while True:
-        challenge = one.query(topics.join("pit"), encode(Hello()))
-        if challenge:
-            values = {"rules_version": RULES_VERSION, "team": "any", "client": one.client, "slot": 0, **changes}
-            attempt = Attempt(one.identity, "pit", decode(challenge), JoinRequest(**values))
-            answer = one.query(topics.join("pit"), attempt.knock)
-            if answer:
-                message = attempt.open(answer)
-                if isinstance(message, Ticket):
-                    one.take(attempt, message)
-                return time.monotonic() - begun_s, message
-        pause.wait(RETRY_S)
-
-
-def resident_mb(process: Any) -> float:
-    """Return how much memory a process has, in MB."""
-    return int(Path(f"/proc/{process.process.pid}/statm").read_text().split()[1]) * 4096 / 1e6
-
-
-@pytest.mark.parametrize("invites", [False, True], ids=["open", "invited"])
-def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
-    invites: bool, serve: Start, start: Start, stranger: Enter, port: int, size: Callable[[int, int], int], tmp_path: Path,
-) -> None:
-    seconds = size(2, 10)
-    options: list[object] = []
-    codes = [f"code-{number}" for number in range(9)]
-    if invites:
-        (tmp_path / "invites").write_text("\n".join(codes))
-        options = ["--invite", tmp_path / "invites"]
-    pit = serve("--seed", 7, "--turn-time", 60, "--grace", 3, "--set", "tick_limit=5000", *options)
-    duel = sit_both(stranger(), stranger()) if not invites else None
-    if duel is None:
-        eve, bob = stranger(), stranger()
-        thread = threading.Thread(target=lambda: eve.sit(name="eve", team="blue", invite=codes[0]))
-        thread.start()
-        bob.sit(name="bob", team="red", invite=codes[1])
-        thread.join()
-        duel = Duel(eve, bob)
-    honest = stranger()
-
-    end_s = time.monotonic() + 2
-    quiet = duel.play(lambda: time.monotonic() > end_s)
-    before = resident_mb(pit)
-    rate = JOINS_A_SECOND / N_FLOODERS
-    flooders = [start(port, rate, int(rate * seconds), code=FLOODER) for _ in range(N_FLOODERS)]
-    for flooder in flooders:
-        flooder.wait_for("flooding")
-    import subprocess
-    spy = 0 and subprocess.Popen(["/work/main/.venv/bin/py-spy","record","-r","500","-d",str(seconds),"-t","-f","raw","-o",f"/tmp/fl/spy-{invites}.txt","-p",str(pit.process.pid)])
-    cpu0 = sum(map(int, Path(f"/proc/{pit.process.pid}/stat").read_text().split()[13:15]))
-    t0=time.monotonic()
-    answers = []
-    thread = threading.Thread(target=lambda: answers.append(knock_until_answered(honest, name="honest", invite=codes[2])))
-    thread.start()
-    mems = []
-    def over():
-        if time.monotonic() - t0 > len(mems): mems.append(resident_mb(pit))
-        return all("sent" in flooder.said for flooder in flooders)
-    busy = duel.play(lambda: over() and all("sent" in flooder.said for flooder in flooders))
-    cpu1 = sum(map(int, Path(f"/proc/{pit.process.pid}/stat").read_text().split()[13:15]))
-    t1=time.monotonic()
-    after = resident_mb(pit)
-    thread.join()
-    print([f.said for f in flooders])
-    print("quiet", statistics.median(quiet)*1e3, len(quiet), "busy", statistics.median(busy)*1e3, max(busy)*1e3, len(busy), "mem", before, after, mems, answers, "pit cpu", (cpu1-cpu0)/100/(t1-t0))
-    lobby = read_fact(decode(stranger().query(topics.lobby("pit"), b"")), duel.players[0].pit_key)
-    print(len(lobby.running), len(lobby.waiting), lobby.n_begun)

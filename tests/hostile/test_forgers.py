@@ -19,6 +19,7 @@ from arena.records.journal import Journal, load_journal
 from arena.referee.replay import verify
 
 Start = Callable[..., Any]
+PATIENCE_S = 60.0
 Seats = dict[Team, Any]
 N_UNITS, N_TICKS = 6, 12
 OPTIONS = ("--seed", 7, "--set", f"tick_limit={N_TICKS}", "--turn-time", 60)
@@ -38,7 +39,8 @@ def sit_down(strangers: Start, identities: dict[Team, Any] | None = None) -> Sea
     """Begin a match of two strangers, and hear its first turn."""
     seats = {team: strangers(**({"identity": identities[team]} if identities else {})) for team in Team}
     with ThreadPoolExecutor() as pool:
-        list(pool.map(lambda team: seats[team].sit(name=f"the-{team.name.lower()}", team=team.name.lower()), Team))
+        sit = lambda team: seats[team].sit(name=f"the-{team.name.lower()}", team=team.name.lower())
+        list(pool.map(sit, Team, timeout=PATIENCE_S))
     for seat in seats.values():
         seat.say(Ready(known_ticks=0))
     hear(seats, 0)

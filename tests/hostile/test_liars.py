@@ -18,6 +18,7 @@ from arena.records.journal import Mark, load_journal
 from arena.referee.replay import verify
 
 Start = Callable[..., Any]
+PATIENCE_S = 60.0
 
 
 def sit_down(blue: Any, red: Any) -> Ticket:
@@ -25,7 +26,7 @@ def sit_down(blue: Any, red: Any) -> Ticket:
     with ThreadPoolExecutor() as pool:
         tickets = [pool.submit(blue.sit, name="ann", team="blue"), pool.submit(red.sit, name="bob", team="red")]
         for ticket in tickets:
-            ticket.result()
+            ticket.result(PATIENCE_S)
     for seat in (blue, red):
         seat.say(Ready(known_ticks=0))
     for seat in (blue, red):
@@ -132,7 +133,7 @@ def test_a_seat_is_given_to_its_own_key_alone_and_not_while_its_holder_is_there(
     token = holder.session.liveliness().declare_token(topics.presence("pit", "ann", holder.client))
     blue = ThreadPoolExecutor().submit(holder.sit, name="ann", team="blue")
     enemy.sit(name="bob", team="red")
-    ticket = blue.result()
+    ticket = blue.result(PATIENCE_S)
 
     for other in (thief, second):
         assert isinstance(other.ask(name="ann", team="blue"), Closed), "not even before its holder was ready"

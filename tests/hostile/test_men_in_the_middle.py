@@ -23,6 +23,7 @@ from arena.referee.replay import verify
 from arena.transport import free_port
 
 Start = Callable[..., Any]
+PATIENCE_S = 60.0
 Change = Callable[[bytes, bytes], bytes]
 """What the one who asked is told, given the question and the pit's answer; nothing if it is b""."""
 
@@ -127,9 +128,9 @@ def play(blue: Any, red: Any, n_ticks: int) -> tuple[bytes, bytes]:
 
 
 def sit_down(blue: Any, blue_name: str, red: Any, red_name: str) -> None:
-    waiting = later(blue.sit, name=blue_name, team="blue")
-    red.sit(name=red_name, team="red")
-    waiting.result()
+    seats = [later(one.sit, name=name, team=team) for one, name, team in ((blue, blue_name, "blue"), (red, red_name, "red"))]
+    for seat in seats:
+        seat.result(PATIENCE_S)
 
 
 # Requests
@@ -153,7 +154,7 @@ def test_a_request_that_comes_a_second_time_is_refused_and_its_owner_keeps_seat_
         pass
     replay()
     bob.sit(name="bob", team="red")
-    ticket = attempt.open(waiting.result())
+    ticket = attempt.open(waiting.result(PATIENCE_S))
     assert isinstance(ticket, Ticket)
     replay()
     ann.take(attempt, ticket)
@@ -339,12 +340,10 @@ def test_a_name_belongs_to_the_key_that_finished_a_match_under_it_until_it_is_re
     sentence = (
         "the name ann belongs to another key; choose one with --name, or ask the operator for `arena admin release-name ann`"
     )
-    sit_down(eve, "ann", bob, "bob")
+    sit_down(stranger(), "ann", stranger(), "bob")
     assert not (tmp_path / "register.json").exists(), "a name that has finished no match is nobody's"
-    eve.close()
     sit_down(ann, "ann", bob, "bob")
     play(ann, bob, 1)
-    eve = stranger(identity=eve.identity)
 
     assert eve.ask(name="ann") == Refusal(reason=sentence)
     pit.kill()
@@ -360,7 +359,7 @@ def test_a_name_belongs_to_the_key_that_finished_a_match_under_it_until_it_is_re
     released = start("admin", "release-name", "ann", "--pit", address(pit), "--data", tmp_path)
     assert released.finish() == 0
     assert "the name ann is free" in released.said
-    sit_down(eve, "ann", stranger(), "cid")
+    sit_down(eve, "ann", stranger(), "cid")  # it is whose who comes
 
 
 def test_an_invite_is_for_the_first_key_that_comes_with_it(
@@ -392,5 +391,5 @@ def test_an_invite_is_for_the_first_key_that_comes_with_it(
     assert eve.ask(invite="first-code") == Refusal(reason="the invite code was used by another key")
     owner = join("--name", "ann", "--invite", "first-code").wait_for("ann waits for an opponent")
     assert isinstance(eve.ask(invite="second-code", match="none"), Wait)
-    eve.sit(invite="second-code")
+    later(eve.sit, invite="second-code").result(PATIENCE_S)
     owner.wait_for("against eve")
