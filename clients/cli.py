@@ -27,6 +27,9 @@ def join(
     address: Annotated[str, typer.Argument(help="As `arena serve` prints it; without it, --pit.")] = "",
     team: Annotated[str, typer.Option(help="red, blue or any.")] = "any",
     policy: Annotated[str, typer.Option(autocompletion=complete_policy, help="A fighter, or a bot file.")] = "rush",
+    program: Annotated[
+        str, typer.Option("--exec", metavar="CMD", help="A program that speaks JSON lines, instead of --policy.")
+    ] = "",
     name: Annotated[str, typer.Option(help="What to be called; the policy's name without it.")] = "",
     pit: Annotated[str, typer.Option(metavar="ENDPOINT", help="Zenoh endpoint of the pit.")] = "tcp/127.0.0.1:7447",
     matches: Annotated[int, typer.Option(min=1, help="Leave after so many.")] = 1,
@@ -54,8 +57,8 @@ def join(
     if team not in ("red", "blue", "any"):
         raise InputError(f"--team is {team!r}; it must be red, blue or any")
     where = parse_address(address or pit)
-    make = load_policy(policy)
-    entry = check_chunk("the name", name or Path(policy).stem)
+    make = load_policy(f"exec:{program}" if program else policy)
+    entry = check_chunk("the name", name or Path((program.split() or [policy])[0] if program else policy).stem)
     settings = Settings(
         endpoint=where.endpoint,
         pit=where.pit,

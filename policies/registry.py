@@ -1,4 +1,4 @@
-"""Every fighter by its name: our own, those of others through the entry points `arena.policies`, and bot files.
+"""Every fighter by its name: our own, those of others through the entry points `arena.policies`, bot files and programs.
 
 What a worker process is sent is the name; it loads the fighter itself.
 """
@@ -15,6 +15,7 @@ from arena.errors import PolicyError, UnknownNameError
 from arena.policy import BatchFactory, BatchPolicy
 from policies.bot_file import load_bot
 from policies.each_seat import EachSeatFactory, WithoutMemory
+from policies.program import PREFIX, load_program
 
 GROUP = "arena.policies"
 """Entry points that name a `BatchPolicy`, a class with `act`, or a function `act(observation)`."""
@@ -31,7 +32,7 @@ OWN = {
 
 
 def load(spec: str) -> BatchFactory:
-    """Return the fighter that `spec` names: one of ours, one that is installed, or a file that ends in .py.
+    """Return the fighter that `spec` names: one of ours, one that is installed, a file that ends in .py, or exec:COMMAND.
 
     Raises
     ------
@@ -40,6 +41,8 @@ def load(spec: str) -> BatchFactory:
     PolicyError
         The fighter cannot be loaded.
     """
+    if spec.startswith(PREFIX):
+        return EachSeatFactory(load_program(spec.removeprefix(PREFIX)))
     if spec.endswith(".py"):
         return EachSeatFactory(load_bot(spec))
     if spec in OWN:

@@ -242,7 +242,7 @@ def show_status(
                 "league": row.name,
                 "entries": len(row.facts["entries"]),
                 "played": (played := store.count(row)),
-                "planned": (planned := count_matches(len(row.facts["entries"]), row.n_pairs)),
+                "planned": (planned := count_matches(len(row.facts["entries"]), row.n_pairs, is_gauntlet="hero" in row.facts)),
                 "complete": played >= planned,
             }
             for row in rows

@@ -15,13 +15,15 @@ _Z95 = 1.959964
 """Quantile of the normal distribution for a two-sided interval of 95%."""
 
 
-def plan_fixture(league: str, one: str, other: str, n_pairs: int, secret: bytes) -> list[MatchPlan]:
-    """Return the matches of a fixture, leg by leg: `one` plays blue first, then red on the same map."""
+def plan_fixture(
+    league: str, one: str, other: str, n_pairs: int, secret: bytes, *, are_maps_fresh: bool = False
+) -> list[MatchPlan]:
+    """Return the matches of a fixture, leg by leg: `one` plays blue first, then red, on the same map unless maps are fresh."""
     fixture = f"{league}/{one}/{other}"
     plans = []
     for pair in range(n_pairs):
-        map_key = derive_map_key(secret, fixture, pair)
-        for blue, red in ((one, other), (other, one)):
+        for leg, (blue, red) in enumerate(((one, other), (other, one))):
+            map_key = derive_map_key(secret, f"{fixture}/{leg}" if are_maps_fresh else fixture, pair)
             identity = f"{fixture}/{pair:04}/{blue}-blue/0"
             keys = MatchKeys(map_key=map_key, match_key=derive_match_key(secret, identity))
             plans.append(MatchPlan(identity=identity, blue=blue, red=red, keys=keys))

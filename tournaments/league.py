@@ -19,13 +19,17 @@ from arena.game.ruleset import RULESETS, Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.protocol.topics import is_chunk
 from arena.referee.match import Terms
+from policies.program import PREFIX
 from policies.registry import names
 
 LEAGUES = ("starter",)
 VENUES = ("network", "local")
+PAIRINGS = ("round-robin", "gauntlet")
+MAPS = ("paired", "fresh")
 MOST_PAIRS = 1_000_000
 _KEYS = (
-    "name", "ruleset", "rules", "pairs", "seed", "secret", "venue", "turn_time_s", "bank_s", "grace_s", "slots", "entries",
+    "name", "ruleset", "rules", "pairs", "pairing", "hero", "maps", "seed", "secret", "venue", "turn_time_s", "bank_s", "grace_s",
+    "slots", "entries",
 )  # fmt: skip
 
 
@@ -46,6 +50,10 @@ class League:
     """The fighter, by name or by the full path of a bot file, behind each entry."""
     n_pairs: int = 10
     """Of each fixture; may be raised while results are stored."""
+    hero: str | None = None
+    """Who meets all the others in a gauntlet; None in a round robin."""
+    maps: str = "paired"
+    """`paired`: both matches of a pair on one map; `fresh`: no map twice, for entries that remember."""
     seed: int | None = None
     secret: bytes | None = None
     """None, without a seed: made at the first run, and kept beside the results."""
@@ -63,6 +71,8 @@ class League:
             "rules": self.ruleset.hash,
             "entries": {name: _fingerprint(spec) for name, spec in sorted(self.entries.items())},
             "clock": {"turn_time_s": terms.turn_time_s, "bank_s": terms.bank_s, "grace_s": terms.grace_s},
+            **({"maps": self.maps} if self.maps != League.maps else {}),
+            **({"hero": self.hero} if self.hero is not None else {}),
         }
 
 
@@ -139,22 +149,22 @@ class _Reader:
         secret = self._secret()
         if seed is not None and secret is not None:
             raise self._error("has both a seed and a secret; keep one")
-        venue = self._values.get("venue", VENUES[0])
-        if venue not in VENUES:
-            raise UnknownNameError(f"venue of league {self._name}", str(venue), VENUES)
         terms = Terms(
             turn_time_s=self._seconds("turn_time_s", _TERMS.turn_time_s or 0.0) or None,
             bank_s=self._seconds("bank_s", _TERMS.bank_s),
             grace_s=self._seconds("grace_s", _TERMS.grace_s),
         )
+        entries = self._entries(folder)
         return League(
             name=self._name,
             ruleset=self._ruleset(folder),
-            entries=self._entries(folder),
+            entries=entries,
+            hero=self._hero(entries),
+            maps=self._maps(entries),
             n_pairs=self._whole("pairs", League.n_pairs, 1, MOST_PAIRS) or 1,
             seed=seed,
             secret=secret,
-            venue=venue,
+            venue=self._one_of("venue", VENUES),
             terms=terms,
             slots=self._whole("slots", League.slots, 1, 256) or 1,
         )
@@ -175,6 +185,31 @@ class _Reader:
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1e6:
             raise self._error(f"says {key} = {_toml(value)}; it must be a number of seconds, and 0 or false is none")
         return float(value)
+
+    def _one_of(self, key: str, known: tuple[str, ...]) -> str:
+        value = self._values.get(key, known[0])
+        if value not in known:
+            raise UnknownNameError(f"{key} of league {self._name}", str(value), known)
+        return str(value)
+
+    def _hero(self, entries: Mapping[str, str]) -> str | None:
+        hero, pairing = self._values.get("hero"), self._one_of("pairing", PAIRINGS)
+        if (hero is None) != (pairing == "round-robin"):
+            raise self._error(
+                'has a hero in a gauntlet, and only there; write pairing = "gauntlet" and hero = "NAME", or neither'
+            )
+        if hero is not None and hero not in entries:
+            raise UnknownNameError(f"hero of league {self._name}", str(hero), entries)
+        return None if hero is None else str(hero)
+
+    def _maps(self, entries: Mapping[str, str]) -> str:
+        maps = self._one_of("maps", MAPS)
+        programs = [name for name, spec in entries.items() if spec.startswith(PREFIX)]
+        if maps == "paired" and programs:
+            raise self._error(
+                f'lets {programs[0]} play both matches of a pair on one map, and a program may remember it; write maps = "fresh"'
+            )
+        return maps
 
     def _secret(self) -> bytes | None:
         value = self._values.get("secret")
@@ -210,7 +245,9 @@ class _Reader:
         known = names()
         for name, spec in pairs:
             if not isinstance(spec, str):
-                raise self._error(f"says {name} = {_toml(spec)}; an entry is a policy's name or a bot file, in quotes")
+                raise self._error(
+                    f"says {name} = {_toml(spec)}; an entry is a policy's name, a bot file or exec:COMMAND, in quotes"
+                )
             if not is_chunk(name):
                 raise self._error(f"has an entry {name!r}; a name must be 1 to 64 letters, digits, - or _")
             if name in entries:
@@ -226,7 +263,7 @@ class _Reader:
             if not path.is_file():
                 raise self._error(f"names the bot file {spec}, and there is no {path}")
             return str(path)
-        if spec not in known:
+        if spec not in known and not spec.startswith(PREFIX):
             raise UnknownNameError(f"policy in league {self._name}", spec, known)
         return spec
 
@@ -252,6 +289,9 @@ def find_edit(stored: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
     for key, value in stored["clock"].items():
         if value != now["clock"][key]:
             return f"{key} was edited (was {value}, is {now['clock'][key]})"
+    for key, default in (("maps", "paired"), ("hero", None)):
+        if stored.get(key, default) != now.get(key, default):
+            return f"{key} was edited (was {stored.get(key, default)}, is {now.get(key, default)})"
     if stored.get("secret") != now.get("secret"):
         return "its seed or secret was edited"
     return None
@@ -265,7 +305,9 @@ TEMPLATE = f"""\
 # name = "friday"         # the file's own name without it; letters, digits, - and _
 
 ruleset = "paper"         # {", ".join(RULESETS)}, or a file
-pairs = {League.n_pairs}                # of each fixture; a pair is two matches on one map, sides swapped
+pairs = {League.n_pairs}                # of each fixture; a pair is two matches, sides swapped
+pairing = "round-robin"   # or "gauntlet", with hero = "NAME": one against all others
+maps = "paired"           # or "fresh": no map twice, for programs and others who remember from match to match
 venue = "network"         # every entry and the referee a process of its own; "local": all in one process, no clock
 
 # seed = 1                # makes the league reproducible, and guessable by anyone; without it, a secret is made and kept
@@ -280,9 +322,10 @@ slots = {League.slots}                 # matches that an entry plays at once
 # [rules.units.ugv]
 # sight = 5
 
-[entries]                 # a name, and a policy of `arena policies` or a bot file beside this one
+[entries]                 # a name, and a policy of `arena policies`, a bot file beside this one, or a program
 rush = "rush"
 patrol = "patrol"
 # mine = "mybot.py"
+# other = "exec:java -jar other.jar"
 """
 """What `arena tournament init` writes."""

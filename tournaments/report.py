@@ -45,7 +45,7 @@ def make_report(
     """Return the report of a league; its secret is told only if every match was played."""
     outcomes = tuple(outcomes)
     names = list(league.facts["entries"])
-    n_planned = count_matches(len(names), league.n_pairs)
+    n_planned = count_matches(len(names), league.n_pairs, is_gauntlet="hero" in league.facts)
     return Report(
         league=league,
         standings=stand(names, outcomes, n_draws=n_draws),

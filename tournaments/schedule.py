@@ -1,4 +1,4 @@
-"""The matches of a league: a round robin of fixtures, played pair by pair."""
+"""The matches of a league: everybody against everybody, or one against all, played pair by pair."""
 
 from itertools import combinations
 
@@ -14,14 +14,22 @@ def plan_league(league: League, secret: bytes) -> list[MatchPlan]:
     anew, and more pairs may be asked for.
     """
     fixtures = [
-        plan_fixture(league.name, one, other, league.n_pairs, secret) for one, other in combinations(sorted(league.entries), 2)
+        plan_fixture(league.name, one, other, league.n_pairs, secret, are_maps_fresh=league.maps == "fresh")
+        for one, other in fixtures_of(league)
     ]
     return [plan for pair in range(league.n_pairs) for fixture in fixtures for plan in fixture[2 * pair : 2 * pair + 2]]
 
 
-def count_matches(n_entries: int, n_pairs: int) -> int:
+def fixtures_of(league: League) -> list[tuple[str, str]]:
+    """Return who meets whom, each two in the order of their names."""
+    every = combinations(sorted(league.entries), 2)
+    return [fixture for fixture in every if league.hero is None or league.hero in fixture]
+
+
+def count_matches(n_entries: int, n_pairs: int, *, is_gauntlet: bool = False) -> int:
     """Return how many matches a league has."""
-    return n_entries * (n_entries - 1) * n_pairs
+    n_fixtures = n_entries - 1 if is_gauntlet else n_entries * (n_entries - 1) // 2
+    return 2 * n_fixtures * n_pairs
 
 
 def pair_of(identity: str) -> str:

@@ -4,6 +4,8 @@ This file is also the program that sends the joins, so that they come from proce
 """
 
 import json
+import logging
+import os
 import random
 import statistics
 import sys
@@ -39,6 +41,8 @@ from arena.referee.replay import verify
 Start = Callable[..., Any]
 Size = Callable[[int, int], int]
 PATIENCE_S = 60.0
+logger = logging.getLogger(__name__)
+"""Figures; pytest shows them with --log-cli-level=INFO."""
 JOIN, LOBBY = topics.join("pit"), topics.lobby("pit")
 
 # What is sent
@@ -235,7 +239,8 @@ class Shots:
         target = self._chance.choice([zenoh.QueryTarget.BEST_MATCHING, zenoh.QueryTarget.ALL])
         extra = payload[:100] if self._chance.random() < 0.2 else None
         end = zenoh.handlers.Callback(lambda reply: None, self._in_flight.release)
-        self._one.session.get(key, end, payload=payload, attachment=extra, target=target, timeout=PATIENCE_S)
+        patience_s = 2 * PATIENCE_S if len(payload) <= MOST_BYTES else 1.0  # the router drops what is too long
+        self._one.session.get(key, end, payload=payload, attachment=extra, target=target, timeout=patience_s)
 
     def _join(self, payload: bytes) -> None:
         self._ask(JOIN, payload)
@@ -248,7 +253,8 @@ class Shots:
 
     def _appear(self, payload: bytes) -> None:
         name = self._chance.choice([payload.hex()[:200] or "x", "ann", "*"])
-        self._tokens.append(self._one.session.liveliness().declare_token(f"arena/pit/presence/{name}/{payload.hex()[-32:] or 'y'}"))
+        key = topics.presence("pit", name, payload.hex()[-32:] or "y")
+        self._tokens.append(self._one.session.liveliness().declare_token(key))
         if len(self._tokens) > 200:
             self._tokens.pop(self._chance.randrange(200)).undeclare()
 
@@ -256,6 +262,7 @@ class Shots:
 def play_two(serve: Start, join: Start, folder: Path, n_ticks: int, n_matches: int) -> tuple[Any, list[Any]]:
     """Begin a match of two honest clients, who take their time until there is a file to go on."""
     folder.mkdir()
+    os.environ["ARENA_CONFIG"] = str(folder / "config")  # another pit may show another key
     for name in ("ann", "bob"):
         (folder / f"{name}.py").write_text(BOT.format(go=str(folder / "go")))
     options = ("--seed", 7, "--turn-time", 60, "--set", f"tick_limit={n_ticks}", "--set", "units.ugv.attack=0")
@@ -283,7 +290,7 @@ def test_junk_on_every_key_changes_no_match_and_leaves_nothing_behind(
     eve = stranger()
     duel = Duel(eve, stranger(), n_ticks)
     duel.play(lambda: duel.tick == 20)
-    knocks = [eve.attempt().knock for _ in range(20)]
+    knocks = [eve.attempt(name="mallory", client="another").knock for _ in range(20)]
     shots = Shots(eve, [honest, eve.match], [*duel.sent, *knocks, *(data for _, data in eve.raw[:20]), *EVERY_KIND])
     shots.fire(n_each // 5)
     warm_mb = resident_mb(pit)
@@ -298,7 +305,8 @@ def test_junk_on_every_key_changes_no_match_and_leaves_nothing_behind(
 
     assert [process.finish() for process in (*clients, pit)] == [0, 0, 0]
     loud = load_journal(honest_journal(tmp_path / "loud"))
-    print(f"{5 * n_each * 4 // 5 / took_s:.0f} messages/s; {warm_mb:.0f} MB and {grown_mb:+.1f}; {n_meanwhile} ticks meanwhile")
+    rate = 5 * (n_each - n_each // 5) / took_s
+    logger.info("%.0f messages/s; %.0f MB and %+.1f; %d ticks meanwhile", rate, warm_mb, grown_mb, n_meanwhile)
     assert n_meanwhile >= 5
     assert loud.header.identity == quiet.header.identity
     assert verify(loud) == len(loud.ticks) == len(quiet.ticks)
@@ -320,9 +328,10 @@ PAUSE_S = 0.005
 
 
 def flood(port: str, rate: str, n_joins: str) -> None:
-    """Ask for seats: half are signed requests of new entries; the others are those again, junk, and Hello. Then wait to be killed."""
+    """Ask for seats: half are signed requests of new entries; the rest are those again, junk, and Hello. Then wait."""
     config = zenoh.Config()
-    for key, value in (("mode", "client"), ("connect/endpoints", [f"tcp/127.0.0.1:{port}"]), ("scouting/multicast/enabled", False)):
+    endpoints = [f"tcp/127.0.0.1:{port}"]
+    for key, value in (("mode", "client"), ("connect/endpoints", endpoints), ("scouting/multicast/enabled", False)):
         config.insert_json5(key, json.dumps(value))
     session = zenoh.open(config)
     (reply,) = session.get(JOIN, payload=encode(Hello()), timeout=PATIENCE_S)
@@ -340,7 +349,7 @@ def flood(port: str, rate: str, n_joins: str) -> None:
         signed = [sign() for _ in range(5)]
         junk = [encode(Knock(sealed=chance.randbytes(300))), chance.randbytes(300), encode(Hello())]
         joins += [*signed, signed[0], chance.choice(joins or signed), *junk]
-    print("flooding", flush=True)
+    sys.stdout.write("flooding\n")
     pause = threading.Event()
     begun_s = time.monotonic()
     for number, payload in enumerate(joins):
@@ -348,7 +357,7 @@ def flood(port: str, rate: str, n_joins: str) -> None:
         if ahead_s > 0.002:
             pause.wait(ahead_s)
         session.get(JOIN, zenoh.handlers.Callback(lambda reply: None), payload=payload, timeout=10.0)
-    print(f"sent {len(joins) / (time.monotonic() - begun_s):.0f}", flush=True)
+    sys.stdout.write(f"sent {len(joins) / (time.monotonic() - begun_s):.0f}\n")
     pause.wait()
 
 
@@ -386,7 +395,7 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
     should: their rate is checked. At the small size, which shares its cores with other tests, and whose two seconds are mostly
     the beginning of the matches that the strangers get in an open pit, the bound is looser.
     """
-    n_ticks, flood_s, most_times = size(1_500, 4_000), size(2, 10), size(6, 2)
+    n_ticks, flood_s, most_times = size(1_500, 4_000), size(2, 10), size(4, 2)
     codes = [f"code-{number}" for number in range(6)]
     invites = tmp_path / "invites"
     invites.write_text("\n".join(codes))
@@ -430,13 +439,14 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
 
     rates = [int(flooder.said.rpartition("sent ")[2]) for flooder in flooders]
     quiet, busy = statistics.median(quiet_ms), statistics.median(busy_ms)
-    print(
+    figures = (
         f"{kind}: {sum(rates)} joins/s; turns of {quiet:.2f} ms, in the flood {busy:.2f} ms, {busy / quiet:.2f} times, at most "
         f"{max(busy_ms):.0f} ms; memory by the second {[round(mb) for mb in memory_mb]} MB; {n_files} files; "
         f"answered after {[round(waited_s, 2) for waited_s, _ in answers]} s"
     )
+    logger.info(figures)
     assert sum(rates) > 0.8 * JOINS_A_SECOND, "the flood was none"
-    assert busy < most_times * quiet
+    assert busy < most_times * quiet, figures
     assert len(answers) == len(guests)
     assert all(waited_s < 5.0 for waited_s, _ in answers)
     assert all(isinstance(answer, Ticket) for _, answer in answers)

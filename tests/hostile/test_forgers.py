@@ -20,6 +20,7 @@ from arena.referee.replay import verify
 
 Start = Callable[..., Any]
 PATIENCE_S = 60.0
+NAMES = [team.name.lower() for team in Team]
 Seats = dict[Team, Any]
 N_UNITS, N_TICKS = 6, 12
 OPTIONS = ("--seed", 7, "--set", f"tick_limit={N_TICKS}", "--turn-time", 60)
@@ -39,8 +40,9 @@ def sit_down(strangers: Start, identities: dict[Team, Any] | None = None) -> Sea
     """Begin a match of two strangers, and hear its first turn."""
     seats = {team: strangers(**({"identity": identities[team]} if identities else {})) for team in Team}
     with ThreadPoolExecutor() as pool:
-        sit = lambda team: seats[team].sit(name=f"the-{team.name.lower()}", team=team.name.lower())
-        list(pool.map(sit, Team, timeout=PATIENCE_S))
+        waiting = [pool.submit(seats[team].sit, name=f"the-{name}", team=name) for team, name in zip(Team, NAMES, strict=True)]
+        for seat in waiting:
+            seat.result(PATIENCE_S)
     for seat in seats.values():
         seat.say(Ready(known_ticks=0))
     hear(seats, 0)

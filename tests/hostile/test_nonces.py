@@ -121,8 +121,9 @@ def test_no_key_and_counter_seal_two_messages_whoever_is_killed_and_comes_back(
     bot.write_text(BOT.format(folder=str(tmp_path), stops=(4, 8)))
     pits = [serve(*options, **code)]
     before = Listener(stranger())
-    red = join("--team", "red", "--policy", "patrol", **code)
-    blues = [join("--team", "blue", "--policy", bot, "--name", "bot", **code).wait_for("thinking at 4")]
+    own = ("--data", tmp_path / "transcripts")
+    red = join("--team", "red", "--policy", "patrol", *own, **code)
+    blues = [join("--team", "blue", "--policy", bot, "--name", "bot", *own, **code).wait_for("thinking at 4")]
     early = before.take(lambda kind, payload: kind == "truth" and tick_of(payload[SALT_BYTES:]) == 4)
 
     pits[0].kill()
@@ -132,7 +133,7 @@ def test_no_key_and_counter_seal_two_messages_whoever_is_killed_and_comes_back(
     blues[0].wait_for("thinking at 8")
     blues[0].kill()
     (tmp_path / "go-8").touch()
-    blues.append(join("--team", "blue", "--policy", bot, "--name", "bot", **code))
+    blues.append(join("--team", "blue", "--policy", bot, "--name", "bot", *own, **code))
     late = after.take(is_ending)
     pits[1].send(signal.SIGTERM)
 

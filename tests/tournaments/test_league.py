@@ -146,3 +146,54 @@ def test_half_a_schedule_is_balanced_and_more_pairs_keep_what_was_planned() -> N
     assert {frozenset((plan.blue, plan.red)) for plan in half} == set(map(frozenset, combinations(league.entries, 2)))
     assert plan_league(replace(league, n_pairs=1), secret_from_seed(1)) == half
     assert plan_league(replace(league, entries=dict(reversed(league.entries.items()))), secret_from_seed(1)) == plans
+
+
+GAUNTLET = 'pairing = "gauntlet"\nhero = "rush"\nentries = ["rush", "patrol", "defend", "random"]\npairs = 3'
+
+
+def test_in_a_gauntlet_one_meets_all_the_others() -> None:
+    league = parse_league(GAUNTLET, "g", Path())
+    plans = plan_league(league, bytes(32))
+
+    assert {frozenset((plan.blue, plan.red)) for plan in plans} == {
+        frozenset(("rush", other)) for other in ("patrol", "defend", "random")
+    }
+    assert len(plans) == count_matches(4, 3, is_gauntlet=True) == 18
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('pairing = "gauntlet"\nentries = ["rush", "patrol"]', "has a hero in a gauntlet, and only there"),
+        ('hero = "rush"\nentries = ["rush", "patrol"]', "has a hero in a gauntlet, and only there"),
+        ('pairing = "gauntlet"\nhero = "rsh"\nentries = ["rush", "patrol"]', "did you mean 'rush'"),
+        ('pairing = "knockout"\nentries = ["rush", "patrol"]', "unknown pairing of league g 'knockout'"),
+        ('maps = "old"\nentries = ["rush", "patrol"]', "unknown maps of league g 'old'"),
+        ('[entries]\nrush = "rush"\nmine = "exec:./bot"', 'a program may remember it; write maps = "fresh"'),
+    ],
+)
+def test_a_pairing_or_maps_that_cannot_be_is_said_in_one_sentence(text: str, says: str) -> None:
+    with pytest.raises(InputError) as error:
+        parse_league(text, "g", Path())
+
+    assert says in str(error.value)
+
+
+def test_where_maps_are_fresh_no_map_comes_twice_and_matches_keep_their_keys() -> None:
+    text = 'entries = ["rush", "patrol"]\npairs = 20'
+    fresh, paired = (plan_league(parse_league(text + extra, "g", Path()), bytes(32)) for extra in ('\nmaps = "fresh"', ""))
+
+    assert len({plan.keys.map_key for plan in fresh}) == 40
+    assert len({plan.keys.map_key for plan in paired}) == 20
+    assert [plan.keys.match_key for plan in fresh] == [plan.keys.match_key for plan in paired]
+
+
+def test_an_edit_of_maps_or_hero_is_named() -> None:
+    facts = [
+        parse_league(text + 'entries = ["rush", "patrol"]', "g", Path()).facts
+        for text in ("", 'maps = "fresh"\n', 'pairing = "gauntlet"\nhero = "rush"\n')
+    ]
+
+    assert find_edit(facts[0], facts[1]) == "maps was edited (was paired, is fresh)"
+    assert find_edit(facts[0], facts[2]) == "hero was edited (was None, is rush)"
+    assert find_edit(facts[0], facts[0]) is None

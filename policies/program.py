@@ -1,0 +1,182 @@
+"""A bot in any language: a program that reads JSON from stdin and answers on stdout, a line each.
+
+    to it    {"type": "start", "team": "red", "ruleset": {...}}
+    to it    {"type": "observation", "tick": 0, "ground": [[...]], "grid": [[...]], "units": [...], "enemies": [...], ...}
+    from it  [0, 1, 2, 3, 4, 0]                         one action for each of `units`, in their order
+    to it    {"type": "end", "ending": "capture", "winner": "red", "score": 100, "ticks": 23, "reason": ""}
+
+Every field is named as in `arena.observation.Observation`. A program plays match after match, one at a time, until its stdin
+closes. What it writes to stderr is shown. One that ends, or answers nonsense, leaves its units where they are; it is started
+anew for the next match.
+"""
+
+import atexit
+import json
+import os
+import shlex
+import signal
+import subprocess
+from contextlib import suppress
+from dataclasses import asdict
+from functools import cache
+from typing import IO, Any
+
+from arena.errors import PolicyError
+from arena.game.ruleset import to_dict
+from arena.observation import Observation
+from arena.policy import MatchInfo, MatchResult
+from policies.each_seat import MakeBot
+
+PREFIX = "exec:"
+"""Stands before a program's command line where a fighter is named."""
+MOST_LINE_BYTES = 1 << 16
+_GOODBYE_S = 1.0
+
+
+class ProgramError(Exception):
+    """A program ended, or said what cannot be read; counted against its seat."""
+
+
+class Program:
+    """A running program."""
+
+    def __init__(self, command: list[str]) -> None:
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
+        atexit.register(self.close)
+
+    @property
+    def _pipes(self) -> tuple[IO[bytes], IO[bytes]]:
+        stdin, stdout = self._process.stdin, self._process.stdout
+        if stdin is None or stdout is None:
+            raise ProgramError("the program has no pipes")
+        return stdin, stdout
+
+    def tell(self, message: dict[str, Any]) -> None:
+        """Write a line."""
+        try:
+            self._pipes[0].write(json.dumps(message, separators=(",", ":")).encode() + b"\n")
+            self._pipes[0].flush()
+        except (OSError, ValueError) as error:
+            raise ProgramError(self._how_it_ended()) from error
+
+    def hear(self) -> Any:
+        """Return what the next line says."""
+        line = self._pipes[1].readline(MOST_LINE_BYTES)
+        if not line.endswith(b"\n"):
+            raise ProgramError(f"a line has more than {MOST_LINE_BYTES} bytes" if line else self._how_it_ended())
+        try:
+            return json.loads(line)
+        except (ValueError, RecursionError) as error:
+            raise ProgramError(f"{line[:80]!r} is not JSON") from error
+
+    def _how_it_ended(self) -> str:
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_GOODBYE_S)
+        return f"the program ended with exit code {self._process.returncode}, or closed its stdin or stdout"
+
+    def close(self) -> None:
+        """Close its stdin, and end it and all its children if that is not enough."""
+        atexit.unregister(self.close)
+        for pipe in self._pipes:
+            with suppress(OSError):
+                pipe.close()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_GOODBYE_S)
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+
+
+class ProgramBot:
+    """One match of a program."""
+
+    def __init__(self, command: list[str], idle: list[Program]) -> None:
+        self._idle = idle
+        self._program: Program | None = idle.pop() if idle else Program(command)
+
+    def start(self, info: MatchInfo) -> None:
+        """Tell it where it plays."""
+        self._tell({"type": "start", "team": info.team.name.lower(), "ruleset": to_dict(info.ruleset)})
+
+    def act(self, observation: Observation) -> Any:
+        """Show it what its team sees, and return its answer."""
+        self._tell(to_json(observation))
+        try:
+            return self._running().hear()
+        except ProgramError:
+            self._let_go()
+            raise
+
+    def end(self, result: MatchResult) -> None:
+        """Tell it how the match ended; it is kept for the next."""
+        winner = None if result.winner is None else result.winner.name.lower()
+        ending = result.ending.name.lower()
+        facts = {"ending": ending, "winner": winner, "score": result.score, "ticks": result.ticks, "reason": result.reason}
+        self._tell({"type": "end", **facts})
+        if self._program is not None:
+            self._idle.append(self._program)
+            self._program = None
+
+    def _tell(self, message: dict[str, Any]) -> None:
+        try:
+            self._running().tell(message)
+        except ProgramError:
+            self._let_go()
+            raise
+
+    def _running(self) -> Program:
+        if self._program is None:
+            raise ProgramError("the program ended earlier in this match")
+        return self._program
+
+    def _let_go(self) -> None:
+        if self._program is not None:
+            self._program.close()
+            self._program = None
+
+
+def load_program(command_line: str) -> MakeBot:
+    """Return what makes the bot of a command line.
+
+    Raises
+    ------
+    PolicyError
+        The command line cannot be read, or names no program that can be started.
+    """
+    try:
+        command = shlex.split(command_line)
+    except ValueError as error:
+        raise PolicyError(f"the command line {command_line!r} cannot be read: {error}") from error
+    if not command:
+        raise PolicyError("the command line is empty; name a program")
+    idle = _idle(command_line)
+    if not idle:
+        try:
+            idle.append(Program(command))
+        except OSError as error:
+            raise PolicyError(f"cannot start {command[0]}: {error.strerror}") from error
+    return lambda: ProgramBot(command, idle)
+
+
+@cache
+def _idle(command_line: str) -> list[Program]:
+    """Return the programs of a command line that wait for a match, in this process."""
+    return []
+
+
+def to_json(seen: Observation) -> dict[str, Any]:
+    """Return an observation as a program reads it."""
+    return {
+        "type": "observation",
+        "tick": seen.tick,
+        "team": seen.team.name.lower(),
+        "ground": seen.ground.tolist(),
+        "grid": seen.grid.tolist(),
+        "units": [asdict(unit) for unit in seen.units],
+        "enemies": [asdict(unit) for unit in seen.enemies],
+        "living": list(seen.living),
+        "score": seen.score,
+        "clock_s": seen.clock_s,
+        "seed": seen.seed,
+        "legal_actions": seen.legal_actions.tolist(),
+    }

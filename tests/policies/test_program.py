@@ -1,0 +1,145 @@
+"""Programs as bots: real processes that read and write JSON lines."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arena.errors import PolicyError
+from arena.game.keys import MatchKeys
+from arena.game.ruleset import load
+from arena.game.types import Ending, Team
+from arena.games import Games
+from arena.policy import BatchPolicy, MatchResult
+from policies import program, registry
+from policies.each_seat import UNREADABLE
+
+PAPER = load("paper")
+WON = MatchResult(ending=Ending.CAPTURE, winner=Team.RED, score=100, ticks=3)
+LISTEN = """
+import json, os, sys
+log = open(sys.argv[1], "a", buffering=1)
+log.write(json.dumps({"pid": os.getpid()}) + "\\n")
+for line in sys.stdin:
+    log.write(line)
+    message = json.loads(line)
+    if message["type"] == "observation":
+        {answer}
+"""
+Sit = Callable[[str], BatchPolicy]
+
+
+@pytest.fixture
+def sit(tmp_path: Path) -> Sit:
+    """Seat a program that answers each observation as a line of Python says."""
+
+    def begin(answer: str) -> BatchPolicy:
+        file = tmp_path / "bot.py"
+        file.write_text(LISTEN.replace("{answer}", answer).replace("\\\\n", "\\n"))
+        return registry.load(f"exec:{sys.executable} {file} {tmp_path / 'log'}")(PAPER, Team.RED, 1)
+
+    return begin
+
+
+def ask(policy: BatchPolicy, games: Games) -> list[int]:
+    orders = np.full((1, 6), 9, np.int8)
+    policy.act(games.observe()[Team.RED], orders)
+    return [int(order) for order in orders[0]]
+
+
+def heard(folder: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in (folder / "log").read_text().splitlines()]
+
+
+@pytest.fixture
+def games() -> Games:
+    games = Games(PAPER, 1)
+    games.start([0], [MatchKeys(map_key=bytes(32), match_key=bytes(32))])
+    return games
+
+
+def test_a_program_sees_what_a_bot_sees_and_moves_its_units(sit: Sit, games: Games, tmp_path: Path) -> None:
+    policy = sit("print([1, 2, 3, 4, 0, 1], flush=True)")
+
+    assert ask(policy, games) == [1, 2, 3, 4, 0, 1]
+    policy.end(0, WON)
+
+    _, start, seen = heard(tmp_path)[:3]
+    assert (start["type"], start["team"]) == ("start", "red")
+    expected = games.observe()[Team.RED].seat(0, PAPER)
+    assert seen["ground"] == expected.ground.tolist()
+    assert seen["grid"] == expected.grid.tolist()
+    assert [unit["row"] for unit in seen["units"]] == [unit.row for unit in expected.units]  # type: ignore[attr-defined]
+    assert (seen["tick"], seen["seed"], seen["clock_s"]) == (0, expected.seed, None)
+
+
+def test_one_process_plays_match_after_match(sit: Sit, games: Games, tmp_path: Path) -> None:
+    policy = sit("print([0] * 6, flush=True)")
+    for _ in range(3):
+        policy.start(np.zeros(1, np.intp))
+        ask(policy, games)
+        policy.end(0, WON)
+
+    said = heard(tmp_path)
+    assert [message.get("type", "pid") for message in said] == ["pid", *["start", "observation", "end"] * 3]
+    assert said[-1] == {"type": "end", "ending": "capture", "winner": "red", "score": 100, "ticks": 3, "reason": ""}
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        ("print('hello', flush=True)", "is not JSON"),
+        ("sys.exit(3)", "the program ended with exit code 3"),
+        ("print('1' * 100_000, flush=True)", "a line has more than 65536 bytes"),
+    ],
+)
+def test_a_program_that_fails_leaves_its_units_and_is_started_anew_for_the_next_match(
+    sit: Sit, games: Games, tmp_path: Path, answer: str, says: str
+) -> None:
+    policy = sit(answer)
+
+    assert ask(policy, games) == [UNREADABLE] * 6
+    assert ask(policy, games) == [UNREADABLE] * 6
+    faults = policy.take_faults(0)
+    assert faults.raised == 2
+    assert says in (faults.first_traceback or "")
+    policy.end(0, WON)
+    policy.start(np.zeros(1, np.intp))
+    ask(policy, games)
+
+    assert len([message for message in heard(tmp_path) if "pid" in message]) == 2
+
+
+@pytest.mark.parametrize("answer", ["[0, 1]", "None", "{}", "[9] * 6", "'x'", "[[0]] * 6"])
+def test_an_answer_that_is_no_action_for_each_unit_is_counted(sit: Sit, games: Games, answer: str) -> None:
+    policy = sit(f"print(json.dumps({answer}), flush=True)")
+
+    assert ask(policy, games) == [UNREADABLE] * 6
+    assert policy.take_faults(0).illegal == 1
+
+
+def test_its_children_end_with_it(tmp_path: Path) -> None:
+    file = tmp_path / "parent.sh"
+    file.write_text("sleep 1000 &\necho $!\nwait\n")
+    running = program.Program(["sh", str(file)])
+    child = running.hear()
+
+    running.close()
+
+    assert not Path(f"/proc/{child}").exists() or "Z" in Path(f"/proc/{child}/stat").read_text()
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("/no/such/program", "cannot start /no/such/program: No such file or directory"),
+        ("", "the command line is empty"),
+        ("'open", "cannot be read"),
+    ],
+)
+def test_a_program_that_cannot_be_started_is_said_before_the_match(line: str, says: str) -> None:
+    with pytest.raises(PolicyError, match=says):
+        registry.load(f"exec:{line}")
