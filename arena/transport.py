@@ -7,10 +7,8 @@ Set as measured on 1.10: congestion control BLOCK, since DROP lost turns under l
 
 import json
 import socket
-import ssl
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
 from types import TracebackType
@@ -19,8 +17,8 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback, RingChannel
 
+from arena.access import Certificate, access_rules, check_authority, check_certificate
 from arena.errors import InputError, LostPitError
-from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES
 
 Put = Callable[[bytes], None]
@@ -203,16 +201,6 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Certificate:
-    """What a pit shows to those who connect by TLS: two PEM files."""
-
-    certificate: Path
-    """The chain, the pit's own certificate first; its names must hold the host that clients connect to."""
-    key: Path
-    """The private key, without a password."""
-
-
 def open_router(endpoint: str, pit: str, certificate: Certificate | None = None) -> Session:
     """Listen at an endpoint such as tcp/127.0.0.1:7447, as the router that clients connect to.
 
@@ -226,12 +214,12 @@ def open_router(endpoint: str, pit: str, certificate: Certificate | None = None)
     settings: dict[str, Any] = {
         "listen/endpoints": [endpoint],
         "transport/link/rx/max_message_size": _MOST_WIRE_BYTES,
-        "access_control": _access_rules(pit),
+        "access_control": access_rules(pit),
     }
     if _is_encrypted(endpoint) != (certificate is not None):
         raise InputError(f"cannot listen at {endpoint}: tls/ needs a certificate and its key, and tcp/ takes none")
     if certificate is not None:
-        _check_certificate(certificate)
+        check_certificate(certificate)
         settings["transport/link/tls/listen_certificate"] = str(certificate.certificate)
         settings["transport/link/tls/listen_private_key"] = str(certificate.key)
     return _open("router", settings, f"cannot listen at {endpoint}")
@@ -249,7 +237,7 @@ def open_client(endpoint: str, authority: Path | None = None) -> Session:
     if authority is not None:
         if not _is_encrypted(endpoint):
             raise InputError(f"{endpoint} is not encrypted, so nothing there can be checked with {authority}")
-        _check_authority(authority)
+        check_authority(authority)
         settings["transport/link/tls/root_ca_certificate"] = str(authority)
     stranger = " with a certificate that we trust" if _is_encrypted(endpoint) else ""
     return _open("client", settings, f"no pit answers at {endpoint}{stranger}")
@@ -257,62 +245,6 @@ def open_client(endpoint: str, authority: Path | None = None) -> Session:
 
 def _is_encrypted(endpoint: str) -> bool:
     return endpoint.startswith(("tls/", "quic/"))
-
-
-def _check_certificate(given: Certificate) -> None:
-    """Refuse what Zenoh would refuse without a word that helps."""
-    for path in (given.certificate, given.key):
-        _check_readable(path)
-    try:
-        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(given.certificate, given.key, password="")
-    except ssl.SSLError as error:
-        why = "the key belongs to another certificate" if error.reason == "KEY_VALUES_MISMATCH" else "they must be PEM files"
-        raise InputError(f"{given.certificate} and {given.key} are no certificate and its private key: {why}") from error
-
-
-def _check_authority(path: Path) -> None:
-    """Refuse what Zenoh would take for a pit that does not answer."""
-    _check_readable(path)
-    try:
-        ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_verify_locations(path)
-    except ssl.SSLError as error:
-        raise InputError(f"{path} holds no certificate; it must be a PEM file") from error
-
-
-def _check_readable(path: Path) -> None:
-    try:
-        path.open("rb").close()
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from error
-
-
-def _access_rules(pit: str) -> dict[str, Any]:
-    """Return the rules for whoever connects: what is not allowed here is denied.
-
-    A key expression is allowed where a rule's includes all of it, so `**` is refused as a whole. What leaves the router must be
-    allowed too: a client that has not heard that somebody subscribes to its publisher's key sends nothing.
-    """
-    asked = [topics.join(pit), topics.lobby(pit), topics.all_journals(pit)]
-    told = [topics.all_observations(pit), topics.all_public(pit), topics.all_truths(pit)]
-    allowed = {
-        "ask": ("ingress", ["query"], asked),
-        "be answered": ("egress", ["declare_queryable", "reply"], asked),
-        "act": ("ingress", ["put"], [topics.all_actions(pit)]),
-        "be listened to": ("egress", ["declare_subscriber"], [topics.all_actions(pit)]),
-        "listen": ("ingress", ["declare_subscriber"], told),
-        "be told": ("egress", ["put"], told),
-        "be present": ("ingress", ["liveliness_token"], [topics.all_presence(pit)]),
-    }
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": [
-            {"id": what, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
-            for what, (flow, messages, keys) in allowed.items()
-        ],
-        "subjects": [{"id": "whoever connects"}],
-        "policies": [{"rules": list(allowed), "subjects": ["whoever connects"]}],
-    }
 
 
 def _open(mode: str, settings: dict[str, Any], failure: str) -> Session:

@@ -229,6 +229,7 @@ def serve(
     """Open a pit: a match begins when a red and a blue seat are taken. Unfinished matches are taken up again."""
     import signal
 
+    from arena.access import Certificate
     from arena.address import Address
     from arena.folders import data_folder
     from arena.game.keys import new_secret, secret_from_seed
@@ -238,7 +239,6 @@ def serve(
     from arena.referee.match import Terms
     from arena.referee.register import Register, read_invites
     from arena.referee.serve import Pit, PitSettings
-    from arena.transport import Certificate
 
     if seed is not None:
         typer.echo("arena: warning: anyone can try small seeds; strangers should not be seated under --seed", err=True)
@@ -262,7 +262,7 @@ def serve(
         signal.signal(number, lambda *_: server.stop())
 
     def on_open(n_resumed: int) -> None:
-        typer.echo(f"pit open at {chosen.address}, rules {chosen.ruleset.name}")
+        typer.echo(f"pit open at {chosen.address} (rules {chosen.ruleset.name})")
         typer.echo(f"join with: arena join {chosen.address} --team any --policy rush")
         if n_resumed:
             typer.echo(f"{n_resumed} unfinished matches wait for their seats to come back")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
+from arena.access import Certificate
 from arena.address import Address
 from arena.errors import InputError
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
@@ -20,7 +21,7 @@ from arena.referee.register import Register
 from arena.referee.seating import OpenSeating
 from arena.referee.service import Played, Referee
 from arena.referee.table import House
-from arena.transport import Certificate, open_router
+from arena.transport import open_router
 
 _DRAIN_S = 8.0
 """How long running matches may go on after the pit was told to stop; what is left then can be resumed."""

@@ -12,8 +12,9 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
+from arena.access import Certificate
 from arena.errors import InputError, LostPitError
-from arena.transport import Broadcast, Certificate, Session, free_port, open_client, open_router, read_payload
+from arena.transport import Broadcast, Session, free_port, open_client, open_router, read_payload
 
 WAIT_S = 10.0
 
@@ -60,7 +61,7 @@ def test_a_broadcast_that_begins_late_knows_who_is_there(ends: tuple[Session, Se
     assert router.broadcast("arena/p/match/n/public").is_heard
 
 
-def make_certificate(folder: Path, name: str) -> Certificate:
+def make_certificate(folder: Path, name: str, *, ca: bool = False) -> Certificate:
     """Write a self-signed certificate of 127.0.0.1, and its key."""
     key = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
@@ -68,6 +69,7 @@ def make_certificate(folder: Path, name: str) -> Certificate:
     builder = x509.CertificateBuilder(subject, subject, key.public_key(), x509.random_serial_number())
     now = datetime.now(UTC)
     builder = builder.not_valid_before(now - timedelta(days=1)).not_valid_after(now + timedelta(days=1))
+    builder = builder.add_extension(x509.BasicConstraints(ca=ca, path_length=None), critical=True)
     certificate = builder.add_extension(names, critical=False).sign(key, hashes.SHA256())
     written = Certificate(certificate=folder / f"{name}.crt", key=folder / f"{name}.key")
     written.certificate.write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
@@ -112,6 +114,14 @@ def test_a_router_says_what_is_wrong_with_a_certificate(tmp_path: Path, certific
 
     with pytest.raises(InputError, match=said):
         open_router(f"tls/127.0.0.1:{free_port()}", "p", given)
+
+
+def test_a_certificate_that_no_client_would_take_is_refused(tmp_path: Path) -> None:
+    """As `openssl req -x509` makes it, unless it is told otherwise."""
+    certificate = make_certificate(tmp_path, "pit", ca=True)
+
+    with pytest.raises(InputError, match="CA:FALSE, as by openssl"):
+        open_router(f"tls/127.0.0.1:{free_port()}", "p", certificate)
 
 
 def test_tls_and_a_certificate_go_together(tmp_path: Path) -> None:

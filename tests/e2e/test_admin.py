@@ -1,5 +1,6 @@
 """The operator's word to a running pit, and nobody else's."""
 
+import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -29,7 +30,7 @@ import threading
 from pathlib import Path
 
 def act(observation):
-    if observation.tick == 3:
+    if observation.tick == 1:
         print("thinking", flush=True)
         while not Path({go!r}).exists():
             threading.Event().wait(0.05)
@@ -50,13 +51,14 @@ def admin(start: Start, port: int, tmp_path: Path) -> Start:
 
 @pytest.fixture
 def match(join: Start, tmp_path: Path) -> Callable[[], tuple[Any, Any, str]]:
-    """Begin a match of red's bot, which thinks in its fourth turn until there is a file `go`, against rush; return its name too."""
+    """Begin a match of red's held and blue's other, who think at tick 1 until there is a file `go`; return its name too."""
 
     def begin() -> tuple[Any, Any, str]:
         bot = tmp_path / "held.py"
         bot.write_text(BOT.format(go=str(tmp_path / "go")))
-        red, blue = join("--team", "red", "--policy", bot), join("--team", "blue", "--policy", "rush")
-        red.wait_for("thinking")
+        red, blue = join("--team", "red", "--policy", bot), join("--team", "blue", "--policy", bot, "--name", "other")
+        for player in (red, blue):
+            player.wait_for("thinking")
         return red, blue, red.said.partition("match ")[2].partition(":")[0]
 
     return begin
@@ -106,7 +108,7 @@ def attempt(session: Session, identity: Any, command: str, target: str) -> Attem
 def test_who_is_kicked_forfeits_or_stops_waiting_and_may_come_back(
     serve: Start, join: Start, admin: Start, match: Start, await_guests: Start, tmp_path: Path
 ) -> None:
-    pit = serve("--turn-time", 60)
+    pit = serve("--seed", 7, "--turn-time", 60)
     red, blue, _ = match()
     guest = join("--name", "guest")
     await_guests("guest")
@@ -116,9 +118,9 @@ def test_who_is_kicked_forfeits_or_stops_waiting_and_may_come_back(
     assert admin("kick", "nobody") == (1, "arena: the pit says no: nobody is not here")
 
     (tmp_path / "go").touch()
-    assert [process.finish() for process in (red, blue, guest)] == [0, 0, 1]
-    assert "loss as red by forfeit (red was removed by the operator) after 3 ticks" in red.said
-    assert "win as blue by forfeit (red was removed by the operator) after 3 ticks" in blue.said
+    assert [process.finish() for process in (red, blue, guest)] == [0, 0, 1], blue.said
+    assert "loss as red by forfeit (red was removed by the operator) after 1 ticks" in red.said
+    assert "win as blue by forfeit (red was removed by the operator) after 1 ticks" in blue.said
     assert "arena: the pit says no: the operator sent this client away" in guest.said
     assert "blue wins by forfeit (red was removed by the operator)" in pit.said
     again = [join("--name", name) for name in ("guest", "held")]
@@ -128,7 +130,7 @@ def test_who_is_kicked_forfeits_or_stops_waiting_and_may_come_back(
 def test_who_is_banned_forfeits_and_is_not_let_in_again_by_any_name_nor_after_a_restart(
     serve: Start, join: Start, admin: Start, match: Start, await_guests: Start, tmp_path: Path
 ) -> None:
-    pit = serve("--turn-time", 60)
+    pit = serve("--seed", 7, "--turn-time", 60)
     red, blue, _ = match()
     sentence = "arena: the pit says no: this key is banned from the pit"
 
@@ -148,7 +150,7 @@ def test_who_is_banned_forfeits_and_is_not_let_in_again_by_any_name_nor_after_a_
 
     knock()
     pit.kill()
-    serve("--turn-time", 60)
+    serve("--seed", 7, "--turn-time", 60)
     knock()
     join("--policy", "rush")
     await_guests("rush")
@@ -157,7 +159,7 @@ def test_who_is_banned_forfeits_and_is_not_let_in_again_by_any_name_nor_after_a_
 def test_a_closed_pit_ends_after_the_match_that_runs(
     serve: Start, join: Start, admin: Start, match: Start, await_guests: Start, tmp_path: Path
 ) -> None:
-    pit = serve("--turn-time", 60)
+    pit = serve("--seed", 7, "--turn-time", 60)
     red, blue, _ = match()
     guest = join("--name", "guest")
     await_guests("guest")
@@ -170,13 +172,13 @@ def test_a_closed_pit_ends_after_the_match_that_runs(
     assert [process.finish() for process in (red, blue, guest, pit)] == [0, 0, 0, 0]
     (path,) = (tmp_path / "journals").glob("*.journal")
     journal = load_journal(path)
-    assert verify(journal) > 3
+    assert verify(journal) > 1
     assert journal.ending is not None
     assert journal.ending.ending is not Ending.VOID
 
 
 def test_an_aborted_match_is_void_and_gives_nobody_a_name(serve: Start, admin: Start, match: Start, tmp_path: Path) -> None:
-    pit = serve("--matches", 1, "--turn-time", 60)
+    pit = serve("--seed", 7, "--turn-time", 60)
     red, blue, name = match()
 
     assert admin("abort", "another") == (1, "arena: the pit says no: another is not here")
@@ -184,13 +186,15 @@ def test_an_aborted_match_is_void_and_gives_nobody_a_name(serve: Start, admin: S
     assert admin("release-name", "held") == (1, "arena: the pit says no: held is not here")
     (tmp_path / "go").touch()
 
-    assert [process.finish() for process in (red, blue, pit)] == [0, 0, 0]
+    assert [process.finish() for process in (red, blue)] == [0, 0]
+    pit.send(signal.SIGTERM)
+    assert pit.finish() == 0
     for process in (red, blue, pit):
         assert "draw" in process.said
-        assert "by void (was ended by the operator) after 3 ticks, score +0" in process.said
+        assert "by void (was ended by the operator) after 1 ticks, score +0" in process.said
     (path,) = (tmp_path / "journals").glob("*.journal")
     journal = load_journal(path)
-    assert verify(journal) == 3
+    assert verify(journal) == 1
     assert journal.ending is not None
     assert journal.ending.ending is Ending.VOID
 

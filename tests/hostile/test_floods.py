@@ -391,9 +391,10 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
 ) -> None:
     """The turns of one match are timed, before the flood and in it, and the medians compared.
 
-    Those who flood stand for other machines, so they yield to the pit where cores are few (`nice`), and still send what they
-    should: their rate is checked. At the small size, which shares its cores with other tests, and whose two seconds are mostly
-    the beginning of the matches that the strangers get in an open pit, the bound is looser.
+    Those who flood stand for other machines, so they yield to the pit where cores are few (`nice`); at the full size, which wants
+    two cores to itself, they still send what they should, and the bound is the issue's. The small size shares its cores with
+    other tests, which may leave it but a part of the rate, and its two seconds are mostly the beginning of the matches that the
+    strangers get in an open pit: its bounds are looser.
     """
     n_ticks, flood_s, most_times = size(1_500, 4_000), size(2, 10), size(4, 2)
     codes = [f"code-{number}" for number in range(6)]
@@ -445,12 +446,12 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
         f"answered after {[round(waited_s, 2) for waited_s, _ in answers]} s"
     )
     logger.info(figures)
-    assert sum(rates) > 0.8 * JOINS_A_SECOND, "the flood was none"
+    assert sum(rates) > size(200, 1_800), figures
     assert busy < most_times * quiet, figures
     assert len(answers) == len(guests)
     assert all(waited_s < 5.0 for waited_s, _ in answers)
     assert all(isinstance(answer, Ticket) for _, answer in answers)
-    assert n_files < MOST_RUNNING + 100
+    assert n_files < 2 * MOST_RUNNING + 100  # those that run, and as many that were given up and wait for receipts
     assert memory_mb[-1] - memory_mb[len(memory_mb) // 2] < MOST_GROWTH_MB
     later = stranger()
     pause = threading.Event()

@@ -1,4 +1,4 @@
-"""Who stands between a client and its pit, or in the pit's place, or claims another's name: refused, each with its own sentence."""
+"""Who stands between a client and its pit, or in the pit's place, or claims another's name: each is refused with a sentence."""
 
 import json
 import time
@@ -206,8 +206,12 @@ def test_an_answer_opens_for_its_own_request_alone(serve: Start, stranger: Start
 # A man in the middle
 
 
-def test_nobody_plays_whose_answers_a_man_in_the_middle_makes_up(serve: Start, start: Start, middleman: Start) -> None:
+def test_nobody_plays_whose_answers_a_man_in_the_middle_makes_up(
+    serve: Start, start: Start, join: Start, stranger: Start, middleman: Start
+) -> None:
     pit = serve()
+    guest = join("--team", "red", "--name", "guest")
+    await_guest(stranger())  # so that whoever asks for red as well is answered at once
     true, rival = address(pit).partition("#")[2], Identity.make()
     kept: list[bytes] = []
 
@@ -242,7 +246,7 @@ def test_nobody_plays_whose_answers_a_man_in_the_middle_makes_up(serve: Start, s
         put_own_key_in: (1, "the signature of a challenge does not hold"),
     }
     victims = {
-        start("join", address(pit, middleman(change=one).port), "--name", one.__name__, "--patience", 0): said
+        start("join", address(pit, middleman(change=one).port), "--name", one.__name__, "--team", "red"): said
         for one, said in changes.items()
     }
 
@@ -250,9 +254,10 @@ def test_nobody_plays_whose_answers_a_man_in_the_middle_makes_up(serve: Start, s
         assert victim.finish() == exit_code, victim.said
         assert sentence in victim.said
         assert "go away" not in victim.said
+        assert "the pit says no" not in victim.said
         assert "match " not in victim.said
         assert "Traceback" not in victim.said
-    assert pit.process.poll() is None
+    assert guest.process.poll() is None
 
 
 def test_a_refusal_in_the_pits_name_does_not_send_a_client_away(

@@ -4,8 +4,10 @@ import json
 import signal
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,8 @@ PATIENCE_S = 60.0
 TOLD = [topics.all_observations("pit"), topics.all_public("pit"), topics.all_truths("pit")]
 """All that a client may subscribe to."""
 TINY_BYTES = 1024
+LONGEST_TICK_S = 1.5
+"""A pit that waits for who does not read stands still for 5 s, and charges nobody."""
 LISTENER = """
 import json, sys, threading, zenoh
 config = zenoh.Config()
@@ -41,7 +45,6 @@ class Proxy:
         self.port = int(self._door.getsockname()[1])
         self._pit_port = pit_port
         self._is_stopped = threading.Event()
-        self.spoken = threading.Event()
         self.first = b""
         """What the client opens with."""
         self._thread = threading.Thread(target=self._accept)
@@ -60,13 +63,14 @@ class Proxy:
 
     def _pass_on(self, one: socket.socket, other: socket.socket) -> None:
         one.settimeout(0.1)
-        while not self._is_stopped.is_set():
-            with suppress(TimeoutError):
-                data = one.recv(TINY_BYTES)
-                if not data:
-                    return
-                self.first = self.first or data
-                other.sendall(data)
+        with suppress(ConnectionError):
+            while not self._is_stopped.is_set():
+                with suppress(TimeoutError):
+                    data = one.recv(TINY_BYTES)
+                    if not data:
+                        return
+                    self.first = self.first or data
+                    other.sendall(data)
 
     def stop(self) -> None:
         """Pass nothing on any more, and keep both connections."""
@@ -111,9 +115,23 @@ def proxy(port: int) -> Iterator[Callable[[], Proxy]]:
         yield begin
 
 
+def connect(port: int, lease_ms: int = 10_000) -> zenoh.Session:
+    """Enter the pit's network."""
+    config = zenoh.Config()
+    for key, value in (
+        ("mode", "client"),
+        ("connect/endpoints", [f"tcp/127.0.0.1:{port}"]),
+        ("scouting/multicast/enabled", False),
+        ("transport/link/tx/lease", lease_ms),
+    ):
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)
+
+
 @pytest.fixture
-def play(serve: Start, join: Start, tmp_path: Path) -> Callable[..., Any]:
+def play(serve: Start, join: Start, port: int, tmp_path: Path) -> Iterator[Callable[..., Any]]:
     """Open a pit for matches with much to tell; what is returned plays some, with no time to lose."""
+    told_s: dict[str, list[float]] = {}
     options = (
         "--turn-time",
         0.5,
@@ -124,13 +142,17 @@ def play(serve: Start, join: Start, tmp_path: Path) -> Callable[..., Any]:
         "--grace",
         60,
         "--set",
-        "side=40",
+        "side=64",
         "--set",
         "tick_limit=400",
         "--set",
         "units.ugv.attack=0",
     )
     serve("--seed", 7, *options)
+    session = connect(port)
+    session.declare_subscriber(
+        topics.all_public("pit"), lambda sample: told_s.setdefault(str(sample.key_expr), []).append(time.monotonic())
+    )
 
     def go_on(n_matches: int) -> None:
         players = [join("--policy", "patrol", "--name", name, "--matches", n_matches) for name in ("ann", "bob")]
@@ -141,8 +163,11 @@ def play(serve: Start, join: Start, tmp_path: Path) -> Callable[..., Any]:
         for journal in ended:
             assert verify(journal) > 100
             assert not any(mark & Mark.LATE for tick in journal.ticks for mark in tick.marks)
+        assert len(told_s) >= n_matches
+        assert max(later - earlier for times in told_s.values() for earlier, later in pairwise(times)) < LONGEST_TICK_S
 
-    return go_on
+    yield go_on
+    session.close()
 
 
 def test_a_stopped_listener_makes_nobody_late(play: Callable[[int], None], start: Start, port: int) -> None:
@@ -158,15 +183,7 @@ def test_a_connection_that_is_not_read_is_cut_off_and_makes_nobody_late(
     play: Callable[[int], None], proxy: Callable[[], Proxy]
 ) -> None:
     between = proxy()
-    config = zenoh.Config()
-    for key, value in (
-        ("mode", "client"),
-        ("connect/endpoints", [f"tcp/127.0.0.1:{between.port}"]),
-        ("scouting/multicast/enabled", False),
-        ("transport/link/tx/lease", 600_000),  # the pit does not miss it before it is full
-    ):
-        config.insert_json5(key, json.dumps(value))
-    session = zenoh.open(config)
+    session = connect(between.port, lease_ms=600_000)  # the pit does not miss it before it is full
     heard = threading.Event()
     for key in TOLD:
         session.declare_subscriber(key, lambda sample: heard.set())
@@ -174,7 +191,7 @@ def test_a_connection_that_is_not_read_is_cut_off_and_makes_nobody_late(
     assert heard.is_set()
 
     between.stop()
-    play(2)
+    play(4)
 
     assert between.was_cut_off()
     between.close()
@@ -185,10 +202,7 @@ def test_connections_that_say_nothing_or_junk_or_half_of_it_make_nobody_late(
     play: Callable[[int], None], proxy: Callable[[], Proxy], port: int
 ) -> None:
     between = proxy()
-    config = zenoh.Config()
-    config.insert_json5("mode", json.dumps("client"))
-    config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{between.port}"]))
-    zenoh.open(config).close()
+    connect(between.port).close()
     opening = between.first
     assert len(opening) > 10
     frame = (65_535).to_bytes(2, "little")

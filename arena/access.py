@@ -1,0 +1,90 @@
+"""What a router lets clients do, and the certificates by which they know it."""
+
+import ssl
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cryptography.x509 import BasicConstraints, ExtensionNotFound, load_pem_x509_certificate
+
+from arena.errors import InputError
+from arena.protocol import topics
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certificate:
+    """What a pit shows to those who connect by TLS: two PEM files."""
+
+    certificate: Path
+    """The chain, the pit's own certificate first; its names must hold the host that clients connect to."""
+    key: Path
+    """The private key, without a password."""
+
+
+def check_certificate(given: Certificate) -> None:
+    """Refuse what Zenoh would refuse without a word that helps."""
+    for path in (given.certificate, given.key):
+        _check_readable(path)
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(given.certificate, given.key, password="")
+    except ssl.SSLError as error:
+        why = "the key belongs to another certificate" if error.reason == "KEY_VALUES_MISMATCH" else "they must be PEM files"
+        raise InputError(f"{given.certificate} and {given.key} are no certificate and its private key: {why}") from error
+    if _is_of_authority(given.certificate.read_bytes()):
+        raise InputError(
+            f"{given.certificate} is the certificate of an authority, which no client takes for a pit's; make it with "
+            "CA:FALSE, as by openssl req -x509 -addext basicConstraints=critical,CA:FALSE"
+        )
+
+
+def _is_of_authority(chain: bytes) -> bool:
+    try:
+        constraints = load_pem_x509_certificate(chain).extensions.get_extension_for_class(BasicConstraints)
+    except ExtensionNotFound:
+        return False
+    return constraints.value.ca
+
+
+def check_authority(path: Path) -> None:
+    """Refuse what Zenoh would take for a pit that does not answer."""
+    _check_readable(path)
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_verify_locations(path)
+    except ssl.SSLError as error:
+        raise InputError(f"{path} holds no certificate; it must be a PEM file") from error
+
+
+def _check_readable(path: Path) -> None:
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from error
+
+
+def access_rules(pit: str) -> dict[str, Any]:
+    """Return the rules for whoever connects: what is not allowed here is denied.
+
+    A key expression is allowed where a rule's includes all of it, so `**` is refused as a whole. What leaves the router must be
+    allowed too: a client that has not heard that somebody subscribes to its publisher's key sends nothing.
+    """
+    asked = [topics.join(pit), topics.lobby(pit), topics.all_journals(pit)]
+    told = [topics.all_observations(pit), topics.all_public(pit), topics.all_truths(pit)]
+    allowed = {
+        "ask": ("ingress", ["query"], asked),
+        "be answered": ("egress", ["declare_queryable", "reply"], asked),
+        "act": ("ingress", ["put"], [topics.all_actions(pit)]),
+        "be listened to": ("egress", ["declare_subscriber"], [topics.all_actions(pit)]),
+        "listen": ("ingress", ["declare_subscriber"], told),
+        "be told": ("egress", ["put"], told),
+        "be present": ("ingress", ["liveliness_token"], [topics.all_presence(pit)]),
+    }
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [
+            {"id": what, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
+            for what, (flow, messages, keys) in allowed.items()
+        ],
+        "subjects": [{"id": "whoever connects"}],
+        "policies": [{"rules": list(allowed), "subjects": ["whoever connects"]}],
+    }
