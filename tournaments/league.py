@@ -6,7 +6,7 @@ The shipped leagues are the files in `leagues/`; `LEAGUES` names them.
 import json
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from hashlib import sha256
 from importlib.resources import files
@@ -21,6 +21,7 @@ from arena.protocol.topics import is_chunk
 from arena.referee.match import Terms
 from policies.program import PREFIX
 from policies.registry import names
+from tournaments.confine import Limits
 
 LEAGUES = ("starter",)
 VENUES = ("network", "local")
@@ -29,11 +30,12 @@ MAPS = ("paired", "fresh")
 MOST_PAIRS = 1_000_000
 _KEYS = (
     "name", "ruleset", "rules", "pairs", "pairing", "hero", "maps", "seed", "secret", "venue", "turn_time_s", "bank_s", "grace_s",
-    "slots", "entries",
+    "slots", "limits", "entries",
 )  # fmt: skip
 
 
 _TERMS = Terms()
+_NO_LIMITS = Limits()
 
 
 class LeagueError(InputError):
@@ -61,6 +63,8 @@ class League:
     terms: Terms = _TERMS
     slots: int = 8
     """Seats that the process of an entry holds at once."""
+    limits: Limits = _NO_LIMITS
+    """For each process of an entry, in the venue `network`."""
 
     @cached_property
     def facts(self) -> dict[str, Any]:
@@ -74,12 +78,6 @@ class League:
             **({"maps": self.maps} if self.maps != League.maps else {}),
             **({"hero": self.hero} if self.hero is not None else {}),
         }
-
-
-def hash_facts(facts: Mapping[str, Any]) -> str:
-    """Return SHA-256 (hex) of a league's facts; the ruleset's name is no rule."""
-    deciding = {key: value for key, value in facts.items() if key != "ruleset"}
-    return sha256(json.dumps(deciding, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def _fingerprint(spec: str) -> str:
@@ -167,6 +165,7 @@ class _Reader:
             venue=self._one_of("venue", VENUES),
             terms=terms,
             slots=self._whole("slots", League.slots, 1, 256) or 1,
+            limits=self._limits(),
         )
 
     def _error(self, what: str) -> LeagueError:
@@ -185,6 +184,17 @@ class _Reader:
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1e6:
             raise self._error(f"says {key} = {_toml(value)}; it must be a number of seconds, and 0 or false is none")
         return float(value)
+
+    def _limits(self) -> Limits:
+        given, known = self._values.get("limits", {}), [field.name for field in fields(Limits)]
+        if not isinstance(given, Mapping):
+            raise self._error(f"says limits = {_toml(given)}; write them below [limits]: {', '.join(known)}")
+        for name, value in given.items():
+            if name not in known:
+                raise UnknownNameError(f"limit of league {self._name}", name, known)
+            if type(value) is not int or value < 1:
+                raise self._error(f"says {name} = {_toml(value)} in its limits; it must be a whole number above 0")
+        return Limits(**given)
 
     def _one_of(self, key: str, known: tuple[str, ...]) -> str:
         value = self._values.get(key, known[0])
@@ -272,31 +282,6 @@ def _toml(value: object) -> str:
     return json.dumps(value, default=str)
 
 
-def find_edit(stored: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
-    """Return in words what was edited between two `League.facts`, to which `secret` may be added; None if nothing was."""
-    if stored["rules"] != now["rules"]:
-        return f"its rules were edited (were {stored['ruleset']} {stored['rules'][:8]}, are {now['ruleset']} {now['rules'][:8]})"
-    before, after = stored["entries"], now["entries"]
-    for name in sorted(set(before) - set(after)):
-        return f"the entry {name} was taken out"
-    for name in sorted(set(after) - set(before)):
-        return f"the entry {name} was added"
-    for name in sorted(before):
-        if before[name] != after[name]:
-            file, other = before[name].partition(" ")[0], after[name].partition(" ")[0]
-            how = f"the content of {file} is another" if file == other else f"was {file}, is {other}"
-            return f"the entry {name} was edited ({how})"
-    for key, value in stored["clock"].items():
-        if value != now["clock"][key]:
-            return f"{key} was edited (was {value}, is {now['clock'][key]})"
-    for key, default in (("maps", "paired"), ("hero", None)):
-        if stored.get(key, default) != now.get(key, default):
-            return f"{key} was edited (was {stored.get(key, default)}, is {now.get(key, default)})"
-    if stored.get("secret") != now.get("secret"):
-        return "its seed or secret was edited"
-    return None
-
-
 TEMPLATE = f"""\
 # A league: arena tournament run THIS.toml
 # Stopped at any moment, it goes on where it was when it is run again. Pairs may be raised later; rules, entries, secret and
@@ -321,6 +306,10 @@ slots = {League.slots}                 # matches that an entry plays at once
 # tick_limit = 150
 # [rules.units.ugv]
 # sight = 5
+
+# [limits]                # of each process of an entry, for fighters that others wrote; "network" only
+# memory_mb = 6000
+# cpu_s = 3600
 
 [entries]                 # a name, and a policy of `arena policies`, a bot file beside this one, or a program
 rush = "rush"

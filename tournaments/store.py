@@ -36,7 +36,7 @@ from sqlalchemy.exc import ArgumentError, DatabaseError, NoSuchModuleError
 
 from arena.errors import ArenaError, InputError, UnknownNameError
 from arena.game.types import Ending, Team
-from tournaments.league import find_edit, hash_facts
+from tournaments.edits import find_edit, hash_facts
 from tournaments.outcome import Outcome, SeatOutcome
 
 _METADATA = MetaData()

@@ -7,7 +7,6 @@ loopback between them.
 import multiprocessing
 import os
 import signal
-import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -31,6 +30,7 @@ from arena.referee.service import Played, Referee
 from arena.referee.table import House
 from arena.transport import free_port, open_router
 from policies.registry import load_entry
+from tournaments.confine import Confined, Limits
 from tournaments.outcome import Outcome, SeatOutcome
 
 MOST_RESTARTS = 3
@@ -39,6 +39,9 @@ _PIT = "league"
 _POLL_S = 0.2
 _PATIENCE_S = 20
 _GOODBYE_S = 5
+
+
+NO_LIMITS = Limits()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +57,8 @@ class Setting:
     journals: Path
     keys: Path
     """Folder for the keys of the pit and of the entries: whoever is started anew is still who it was."""
+    limits: Limits = NO_LIMITS
+    """For each process of an entry."""
 
 
 def play_local(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
@@ -151,7 +156,7 @@ class _ClientProcess:
     def __init__(self, setting: Setting, address: Address, name: str) -> None:
         self.name = name
         self._log = setting.journals / f"{name}.log"
-        # `-P` keeps the current folder out of the import path: a bot's neighbours must not pose as our modules.
+        self._limits, self._home = setting.limits, setting.keys.parent.parent / "homes" / setting.keys.name / name
         self._command = [
             sys.executable,
             "-P",
@@ -178,23 +183,19 @@ class _ClientProcess:
 
     def _start(self) -> None:
         with self._log.open("ab") as log:
-            self._process = subprocess.Popen(self._command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+            self._confined = Confined(self._command, self._limits, self._home, log)
 
     def __enter__(self) -> "_ClientProcess":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._process.terminate()
-        try:
-            self._process.wait(_GOODBYE_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        self._confined.end(_GOODBYE_S)
 
     def keep_alive(self) -> None:
         """Start the client anew if it died, while it still has matches to play."""
-        if self._process.poll() is None:
+        if self._confined.process.poll() is None:
             return
+        self._confined.end(0)
         self._restarts += 1
         if self._restarts > MOST_RESTARTS:
             raise ArenaError(f"the client of {self.name} died {self._restarts} times; see {self._log}")

@@ -9,7 +9,8 @@ import pytest
 from arena.errors import InputError, UnknownNameError
 from arena.game.keys import secret_from_seed
 from arena.protocol.topics import is_chunk
-from tournaments.league import LEAGUES, TEMPLATE, League, find_edit, hash_facts, load_league, parse_league
+from tournaments.edits import find_edit, hash_facts
+from tournaments.league import LEAGUES, TEMPLATE, League, load_league, parse_league
 from tournaments.schedule import count_matches, pair_of, plan_league
 from tournaments.secret import find_secret
 

@@ -1,0 +1,76 @@
+"""Start a stranger's fighter under limits, in a home of its own, in a session that can be ended with all its children.
+
+The limits are the kernel's (setrlimit), so that they hold for every process that the fighter starts, each by itself. They are
+no wall: whoever runs strangers' code under a user that matters reads `docs/security.md` first.
+"""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import IO
+
+_MIB = 1 << 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What one process of an entry may use; None is without limit."""
+
+    memory_mb: int | None = None
+    """Address space; the libraries that every client loads take about 2,500 of it."""
+    cpu_s: int | None = None
+    """Processor time."""
+    processes: int | None = None
+    """Of the user in all, threads included, as the kernel counts them; root is not counted."""
+
+
+class Confined:
+    """A running command, its output appended to a log."""
+
+    def __init__(self, command: Sequence[str], limits: Limits, home: Path, log: IO[bytes]) -> None:
+        home.mkdir(parents=True, exist_ok=True, mode=0o700)
+        environment = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ARENA_CONFIG"))}
+        # `-P` keeps the current folder out of the import path: a bot's neighbours must not pose as our modules.
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "tournaments.confine", json.dumps(asdict(limits)), *command],
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            cwd=home,
+            env={**environment, "HOME": str(home)},
+            start_new_session=True,
+        )
+
+    def end(self, patience_s: float) -> None:
+        """Ask it to end, and end it and all that it started if it does not."""
+        with suppress(ProcessLookupError):
+            self.process.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(patience_s)
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+
+
+def main() -> None:
+    """Set limits and become the command; in the new process."""
+    limits = Limits(**json.loads(sys.argv[1]))
+    for kind, value in (
+        (resource.RLIMIT_AS, limits.memory_mb and limits.memory_mb * _MIB),
+        (resource.RLIMIT_CPU, limits.cpu_s),
+        (resource.RLIMIT_NPROC, limits.processes),
+    ):
+        if value:
+            resource.setrlimit(kind, (value, value))
+    os.execv(sys.argv[2], sys.argv[2:])
+
+
+if __name__ == "__main__":
+    main()
