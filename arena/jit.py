@@ -38,8 +38,13 @@ def _cache_folder(package: str) -> str | None:
                 text = source.read_bytes()
                 if source.parent.name == "game" or b"import jit" in text:
                     digest.update(source.name.encode() + b"\0" + text)
-    root = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("arena") / "kernels")
+    root = cache_root()
     return str(root / digest.hexdigest()[:16]) if _can_write(root) else None
+
+
+def cache_root() -> Path:
+    """Return the folder of all kernels: NUMBA_CACHE_DIR, or in the user's cache."""
+    return Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("arena") / "kernels")
 
 
 @cache

@@ -131,6 +131,11 @@ class _RefereeProcess:
         )
         self._process.start()
         said.close()
+        try:
+            self._heard.recv()  # it compiles its kernels first, if need be, and clients would not wait for that
+        except EOFError:
+            self._count_death()
+            self.start(plans)
 
     def hear(self, left: Sequence[MatchPlan]) -> list[Outcome]:
         """Return the matches that ended meanwhile; a referee that died is started anew with what is left."""
@@ -140,14 +145,15 @@ class _RefereeProcess:
                 heard.append(self._heard.recv())
             return heard
         except EOFError:
-            self._process.join()
-            self._restarts += 1
-            if self._restarts > MOST_RESTARTS:
-                raise ArenaError(
-                    f"the referee died {self._restarts} times, last with exit code {self._process.exitcode}"
-                ) from None
+            self._count_death()
             self.start(left)
             return []
+
+    def _count_death(self) -> None:
+        self._process.join()
+        self._restarts += 1
+        if self._restarts > MOST_RESTARTS:
+            raise ArenaError(f"the referee died {self._restarts} times, last with exit code {self._process.exitcode}")
 
 
 class _ClientProcess:
@@ -222,6 +228,7 @@ def _referee(said: Connection, address: Address, entries: Mapping[str, bytes], s
         )
         signal.signal(signal.SIGTERM, lambda *_: referee.stop())
         seating.withdraw(referee.resume(lambda identity: identity in ours))
+        said.send(None)
         try:
             referee.run(lambda: (seating.is_done and referee.n_running == 0 and referee.is_deserted) or os.getppid() != parent)
         finally:
