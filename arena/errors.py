@@ -10,6 +10,7 @@ ArenaError                  exit 1: the arena says no
 │   └── KeyFileError        a key file that cannot be used, or a pit whose key is another than before
 ├── ProtocolError           the other side's fault: ruled on, recorded, played on
 │   ├── UnreadableError     bytes that are no message
+│   │   └── VersionError    a message of another version of the protocol
 │   └── ForgedError         sealed or signed by another, changed, moved, or said before
 ├── RefusedError            the pit does not let this client play
 └── LostPitError            the pit cannot be reached
@@ -68,6 +69,10 @@ class ProtocolError(ArenaError):
 
 class UnreadableError(ProtocolError):
     """Bytes that are no message of this version."""
+
+
+class VersionError(UnreadableError):
+    """A message of another version of the protocol."""
 
 
 class ForgedError(ProtocolError):

@@ -32,7 +32,8 @@ from arena.referee.seating import PlannedSeating
 from arena.referee.service import Referee
 from arena.referee.table import House
 from arena.transport import free_port, open_router
-from clients.runner import Runner, Settings
+from clients.runner import Runner
+from clients.settings import Settings
 
 SIZES = ((1, 1), (8, 8), (64, 16))
 """Matches at once, and seats that a client process holds."""

@@ -51,7 +51,8 @@ def join(
     from arena.keyring.files import load, load_or_make
     from arena.keyring.ring import entry_key_path
     from arena.protocol.topics import check_chunk
-    from clients.runner import Runner, Settings
+    from clients.runner import Runner
+    from clients.settings import Settings
     from policies.registry import load as load_policy
 
     if team not in ("red", "blue", "any"):

@@ -9,24 +9,21 @@ import math
 import time
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from arena.errors import LostPitError, ProtocolError, RefusedError, UnreadableError
+from arena.errors import LostPitError, ProtocolError, RefusedError, UnreadableError, VersionError
 from arena.game.types import RULES_VERSION
-from arena.policy import BatchFactory
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Attempt, check_challenge
-from arena.protocol.identity import Identity
-from arena.protocol.messages import Challenge, Closed, Commitment, Hello, JoinRequest, Refusal, Ticket, Wait
+from arena.protocol.messages import Challenge, Closed, Commitment, Hello, JoinRequest, Refusal, Signed, Ticket, Wait
 from arena.records.transcript import TranscriptHeader, TranscriptWriter, transcript_name
 from arena.transport import Sample, Session, is_beat, open_client, read_payload
 from clients.audit import Verdict, fetch
 from clients.seat import Seat
+from clients.settings import Settings
 from clients.slot import ANSWER_S, Slot
 from clients.warm import warm
 
@@ -40,35 +37,6 @@ MOST_UNANSWERED = 12
 MOST_WAITING = 2_000
 """Messages in the queue."""
 _TICK_S = 0.25
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
-    """How a client plays."""
-
-    endpoint: str
-    pit: str
-    name: str
-    team: str
-    make: BatchFactory
-    n_matches: int | None
-    """None plays until the pit has no more matches."""
-    n_slots: int = 1
-    """Seats that it may hold at once."""
-    patience_s: float = 60.0
-    """How long it tries to reach a pit that it has lost."""
-    rules_hash: str = ""
-    identity: Identity = field(default_factory=Identity.make)
-    """Of the entry."""
-    invite: str = ""
-    trust: Callable[[bytes], None] = lambda _: None
-    """Raises if the pit whose public key it is given is not the one that was meant."""
-    authority: Path | None = None
-    """Who vouches for the pit's certificate, where it listens by TLS."""
-    on_audit: Callable[[Seat, Verdict], None] | None = None
-    """Told what the journal of each match was found to be; without it, none is asked for."""
-    transcripts: Path | None = None
-    """Folder for what each seat was shown."""
 
 
 _Heard = tuple[Callable[[Slot, Any], None], Slot, Any]
@@ -143,6 +111,7 @@ class Runner:
     def _serve(self, session: Session) -> None:
         """Play over one connection, until all is played or the pit is lost."""
         settings, self._session = self._settings, session
+        self._inbox = SimpleQueue()  # what came over another connection, or when it closed, answers nothing any more
         session.declare_presence(topics.presence(settings.pit, settings.name, self._client))
         for slot in self._slots:
             slot.fall_silent()
@@ -219,8 +188,12 @@ class Runner:
             if not isinstance(challenge, Challenge):
                 raise UnreadableError("it answers with something else than its keys")
             check_challenge(settings.pit, challenge)
-        except ProtocolError as error:
+        except VersionError as error:
             raise RefusedError(f"the pit cannot be understood: {error}") from error
+        except ProtocolError as error:  # somebody in between; perhaps not the next time
+            logger.info("this is no word of a pit: %s", error)
+            self._on_silence(slot)
+            return
         settings.trust(challenge.pit_key)
         self._pit_key = challenge.pit_key
         request = JoinRequest(
@@ -234,6 +207,7 @@ class Runner:
             invite=settings.invite,
         )
         attempt = Attempt(settings.identity, settings.pit, challenge, request)
+        slot.asked_at_s = time.monotonic()
         self._question(session, slot, attempt.knock, partial(self._on_answer, session, attempt))
 
     def _on_answer(self, session: Session, attempt: Attempt, slot: Slot, payload: bytes) -> None:
@@ -256,6 +230,8 @@ class Runner:
             self._on_wait(f"no more: {message.reason}")
             slot.free()
             slot.is_done = True
+        elif isinstance(message, Signed):
+            self._on_late_ending(slot, message)
         elif isinstance(message, Wait):
             if slot.seat is not None:
                 logger.warning("match %s is gone", slot.seat.ticket.match)
@@ -317,13 +293,27 @@ class Runner:
             logger.info("heard on the seat's key, and not from the referee: %s", error)
             return
         slot.heard_at_s = time.monotonic()
-        if slot.seat.ended is not None:
+        self._after(slot)
+
+    def _after(self, slot: Slot) -> None:
+        """Go on to the next match, if one has ended."""
+        if slot.seat is not None and slot.seat.ended is not None:
             self._n_ended += 1
             self._on_end(slot.seat)
             if self._settings.on_audit is not None:
                 self._begin_audit(slot, slot.seat, self._settings.on_audit)
             slot.free()
             slot.is_done = self._has_begun_all()  # now: the pit may be gone the next moment
+
+    def _on_late_ending(self, slot: Slot, signed: Signed) -> None:
+        """Hear how a match ended while this client was away."""
+        if slot.seat is None:
+            return  # it was told on the seat's own key a moment ago
+        try:
+            slot.accept(signed)
+        except ProtocolError as error:
+            raise RefusedError(f"the pit cannot be understood: {error}") from error
+        self._after(slot)
 
     def _begin_audit(self, slot: Slot, seat: Seat, on_audit: Callable[[Seat, Verdict], None]) -> None:
         """Ask for the journal of a match that is over, and go on."""

@@ -1,9 +1,9 @@
 """A place for one seat at a time: the seat, its keys on the network, and the way to the referee and back."""
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 
-from arena.errors import ForgedError, RefusedError, UnreadableError
+from arena.errors import ForgedError, ProtocolError, RefusedError
 from arena.protocol.codec import decode, encode
 from arena.protocol.facts import read_fact, sign_receipt
 from arena.protocol.handshake import Attempt
@@ -82,15 +82,21 @@ class Slot:
             return
         message = decode(self._opener.open(payload))
         if isinstance(message, Signed):
-            fact = read_fact(message, self._pit_key)
-            if not isinstance(fact, Ended) or fact.match != self.seat.ticket.match:
-                raise ForgedError("the ending is of another match")
-            message = fact
+            self.accept(message)
+            return
+        if isinstance(message, Ended):
+            raise ForgedError("the ending is not signed")
         answer = self.seat.receive(message)
         if answer is not None:
             self.send(answer)
-        elif self.seat.ended is not None:
-            self.send(self._sign_receipt(self.seat))
+
+    def accept(self, signed: Signed) -> None:
+        """Take how the match ended, and give a receipt; `ProtocolError` if the pit did not sign it, or it is of another match."""
+        fact = read_fact(signed, self._pit_key)
+        if self.seat is None or not isinstance(fact, Ended) or fact.match != self.seat.ticket.match:
+            raise ForgedError("the ending is of another match")
+        self.seat.receive(fact)
+        self.send(self._sign_receipt(self.seat))
 
     def _sign_receipt(self, seat: Seat) -> Message:
         return sign_receipt(self._identity, seat.ticket.match, seat.team, seat.known_ticks, seat.head)
@@ -108,8 +114,9 @@ class Slot:
 
 
 def _read_commitment(ticket: Ticket, pit_key: bytes) -> Commitment:
-    signed = decode(ticket.commitment)
-    fact = read_fact(signed, pit_key) if isinstance(signed, Signed) else None
-    if not isinstance(fact, Commitment) or fact.match != ticket.match:
-        raise UnreadableError("the ticket lacks the pit's commitment to its match")
-    return fact
+    with suppress(ProtocolError):
+        signed = decode(ticket.commitment)
+        fact = read_fact(signed, pit_key) if isinstance(signed, Signed) else None
+        if isinstance(fact, Commitment) and fact.match == ticket.match:
+            return fact
+    raise RefusedError(f"the ticket lacks the pit's commitment to match {ticket.match}")

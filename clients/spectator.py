@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.address import Address
-from arena.errors import LostPitError, ProtocolError, UnreadableError
+from arena.errors import ForgedError, LostPitError, ProtocolError, UnreadableError
 from arena.game.ruleset import Ruleset, from_dict
 from arena.game.types import Team
 from arena.protocol import topics
@@ -64,6 +64,8 @@ class Spectator:
             blue, red = message.living
             return Frame(tick=message.tick, names=(message.names[0], message.names[1]), living=(blue, red), score=message.score)
         fact = read_fact(message, self._pit_key) if isinstance(message, Signed) else None
+        if isinstance(fact, Ended) and fact.match != self._match:
+            raise ForgedError("the ending is of another match")
         return Frame(tick=fact.ticks, score=fact.score, ended=fact) if isinstance(fact, Ended) else None
 
     def hear_truth(self, payload: bytes) -> Frame | None:
@@ -71,9 +73,9 @@ class Spectator:
         if self._key is None:
             return None
         salt, sealed = payload[:SALT_BYTES], payload[SALT_BYTES:]
-        if salt not in self._openers:  # of another process of the pit, or of a stranger
-            self._openers = {salt: truth_opener(self._key, salt, self._pit, self._match)}
-        message = decode(self._openers[salt].open(sealed))
+        opener = self._openers.get(salt) or truth_opener(self._key, salt, self._pit, self._match)
+        message = decode(opener.open(sealed))
+        self._openers[salt] = opener  # of a process of the pit; a stranger's did not open
         if not isinstance(message, Truth) or len(message.board) != self._side**2 or len(message.seen) != len(Team):
             raise UnreadableError("a truth is none of this ruleset")
         board = np.frombuffer(message.board, np.int8).reshape(self._side, self._side)

@@ -6,7 +6,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import msgpack
 
-from arena.errors import UnreadableError
+from arena.errors import UnreadableError, VersionError
 from arena.protocol.messages import PROTOCOL_VERSION, Message
 
 MOST_BYTES = 60_000
@@ -40,7 +40,7 @@ def decode(data: bytes) -> Message:
         raise UnreadableError("the bytes are no message of the arena")
     version, number, *rest = values
     if version != PROTOCOL_VERSION:
-        raise UnreadableError(f"the other side speaks version {version} of the protocol; this is version {PROTOCOL_VERSION}")
+        raise VersionError(f"the other side speaks version {version} of the protocol; this is version {PROTOCOL_VERSION}")
     if not 0 <= number < len(_KINDS):
         raise UnreadableError(f"there is no message of kind {number}")
     kind = _KINDS[number]

@@ -5,7 +5,7 @@ want to come in, and no match.
 """
 
 import time
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -15,7 +15,7 @@ from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Caller
-from arena.protocol.messages import AdminRequest, Closed, Done, Hello, JoinRequest, Knock, Message, Refusal, Wait
+from arena.protocol.messages import AdminRequest, Closed, Done, Hello, JoinRequest, Knock, Message, Refusal, Signed, Wait
 from arena.referee.door import Door
 from arena.referee.register import Register
 from arena.referee.seating import Pairing, SeatId, Seating, object_to
@@ -68,6 +68,8 @@ class Floor(Protocol):
 
     tables: dict[str, Table]
     held: dict[SeatId, tuple[str, Team]]
+    endings: OrderedDict[str, Signed]
+    """Of matches that are over, the last ones: for a client that was away when it was told."""
 
     def hear_orders(self) -> None:
         """Take what the seats have said by now."""
@@ -144,7 +146,8 @@ class Reception:
             match, team = held
             self._sit(self._floor.tables[match], team, seat, visitor)
         elif request.match:
-            visitor.answer(Wait(reason="for another match, since that one is over"))
+            ending = self._floor.endings.get(request.match)
+            visitor.answer(ending or Wait(reason="for another match, since that one is over"))
         else:
             self._place(seat, visitor, request)
 

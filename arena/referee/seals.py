@@ -1,7 +1,7 @@
 """What the pit and the entries put their names to in a journal, checked against the match as it is played again."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from arena.errors import ForgedError
@@ -84,12 +84,17 @@ def compare(journal: Journal, transcript: Transcript) -> str:
         return "the journal's keys are not those that the pit committed itself to"
     units = len(journal.header.ruleset.team(Team.BLUE))
     own = slice(0, units) if header.team is Team.BLUE else slice(units, None)
-    for tick, (shown, (observation, orders)) in enumerate(zip(watch(journal)[header.team], transcript.ticks, strict=False)):
-        if shown != timeless(observation):
+    shown, told = watch(journal)[header.team], transcript.ending
+    for tick, (seen, (observation, orders)) in enumerate(zip(shown, transcript.ticks, strict=False)):
+        if seen != timeless(observation):
             return f"at tick {tick} the seat was shown something else than the journal's match shows"
         record = journal.ticks[tick] if tick < len(journal.ticks) else None
         if record and not record.marks[header.team] & (Mark.LATE | Mark.UNREADABLE) and record.orders[own] != orders:
             return f"at tick {tick} the journal has other orders than the seat gave"
+    if len(transcript.ticks) > len(shown):
+        return "the seat was shown more ticks than the journal has"
+    if told and journal.ending != replace(told, score=told.score if header.team is Team.BLUE else -told.score):
+        return "the journal ends otherwise than the seat was told"
     return ""
 
 

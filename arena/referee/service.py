@@ -7,6 +7,7 @@ record, before anybody is told of it.
 import logging
 import os
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,9 +21,9 @@ from arena.policy import MatchResult
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.facts import check_receipt, sign_fact
-from arena.protocol.messages import Lobby, Orders, Ready, Receipt
+from arena.protocol.messages import Lobby, Orders, Ready, Receipt, Signed
 from arena.records.journal import CHAIN_BYTES, Header, journal_name
-from arena.referee.archive import Archive
+from arena.referee.archive import MOST_KEPT, Archive
 from arena.referee.door import Door
 from arena.referee.events import Ask, End, Event, Publish, Write
 from arena.referee.match import Match, SeatRecord, Terms
@@ -37,7 +38,7 @@ logger = logging.getLogger(__name__)
 
 MOST_WAITING = 10_000
 """Messages in a queue; what comes beyond is dropped, and asked for again."""
-MOST_SUSPECT = 256
+MOST_SUSPECT = 512
 """Messages of a seat that do not open, in a sweep; what comes beyond is not tried."""
 FAREWELL_S = 2.0
 """How long a match that is over waits for its receipts."""
@@ -78,6 +79,7 @@ class Referee:
         self._inbox: SimpleQueue[tuple[Callable[..., None], tuple[Any, ...]]] = SimpleQueue()
         self.tables: dict[str, Table] = {}
         self.held: dict[SeatId, tuple[str, Team]] = {}
+        self.endings: OrderedDict[str, Signed] = OrderedDict()
         self._leaving: dict[str, tuple[Table, float]] = {}
         """Matches that are over, and when they stop to wait for receipts."""
         self._asked: dict[str, list[Question]] = {}
@@ -272,6 +274,7 @@ class Referee:
     def begin(self, pairing: Pairing, entries: dict[Team, bytes]) -> Table:
         """Begin a match of two entries, whose public keys are given."""
         self._n_begun += 1
+        self._lobby_ends_s = 0.0  # the lobby as it was signed lacks this match
         plan = pairing.plan
         header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
         match = Match(header, self._terms, time.monotonic())
@@ -307,7 +310,9 @@ class Referee:
 
     def _finish(self, table: Table, result: MatchResult) -> None:
         match = table.match
-        table.end(result)
+        self.endings[table.id] = table.end(result)
+        if len(self.endings) > MOST_KEPT:
+            self.endings.popitem(last=False)
         for chair in table.chairs.values():
             if chair.holder is not None:
                 self.held.pop(chair.holder, None)

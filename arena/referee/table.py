@@ -13,7 +13,7 @@ from arena.protocol.codec import encode
 from arena.protocol.facts import commit, sign_fact, sign_journal
 from arena.protocol.handshake import Caller, new_secret
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Commitment, Ended, Facts, History, Message, Receipt, Ticket, Truth, Turn
+from arena.protocol.messages import Commitment, Ended, Facts, History, Message, Receipt, Signed, Ticket, Truth, Turn
 from arena.protocol.sealing import Opener, Sealer, truth_sealer
 from arena.records.journal import match_id, write_receipt, write_seats, write_signature
 from arena.referee.events import Ask
@@ -141,8 +141,8 @@ class Table:
             self._send(team, History(first_tick=known + first, observations=observations[piece], orders=orders[piece]))
         self.chairs[team].sent = (-1, b"")  # as it was sealed, the turn would stand before the history, and not open any more
 
-    def end(self, result: MatchResult) -> None:
-        """Tell everyone how the match ended."""
+    def end(self, result: MatchResult) -> Signed:
+        """Tell everyone how the match ended, and return what was told."""
         ended = Ended(
             match=self.id,
             ending=result.ending.name.lower(),
@@ -156,6 +156,7 @@ class Table:
         for team in Team:
             self._send(team, signed)
         self._public.put(encode(signed))
+        return signed
 
     def accept(self, team: Team, receipt: Receipt) -> None:
         """Put a seat's receipt into the journal, once."""

@@ -17,7 +17,8 @@ from arena.referee.seating import PlannedSeating
 from arena.referee.service import Played, Referee
 from arena.referee.table import House
 from arena.transport import open_router
-from clients.runner import Runner, Settings
+from clients.runner import Runner
+from clients.settings import Settings
 from policies import registry
 
 PAPER = load("paper")

@@ -396,7 +396,7 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
     pit the strangers are players: some 80 matches a second begin for them, and three times is allowed (measured: 1.7 to 2.4). The
     small size shares its cores with other tests, which may leave it but a part of the rate: its bounds are looser.
     """
-    n_ticks, flood_s, most_times = size(1_500, 4_000), size(2, 10), size(4, 3 if kind == "open" else 2)
+    n_ticks, flood_s, most_times = size(1_500, 4_000), size(2, 10), size(4, 2)
     codes = [f"code-{number}" for number in range(6)]
     invites = tmp_path / "invites"
     invites.write_text("\n".join(codes))

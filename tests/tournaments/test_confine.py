@@ -27,7 +27,10 @@ def run(code: str, folder: Path, limits: Limits) -> tuple[int, str]:
 def test_it_lives_in_a_home_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ARENA_CONFIG", "/elsewhere")
     monkeypatch.setenv("XDG_CONFIG_HOME", "/elsewhere")
-    code = "import os; print(os.getcwd(), os.path.expanduser('~'), [name for name in os.environ if name in ('ARENA_CONFIG', 'XDG_CONFIG_HOME')])"
+    code = (
+        "import os; print(os.getcwd(), os.path.expanduser('~'), "
+        "[name for name in os.environ if name in ('ARENA_CONFIG', 'XDG_CONFIG_HOME')])"
+    )
 
     assert run(code, tmp_path, Limits()) == (0, f"{tmp_path / 'home'} {tmp_path / 'home'} []\n")
     assert (tmp_path / "home").stat().st_mode & 0o777 == 0o700

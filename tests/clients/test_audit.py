@@ -1,0 +1,460 @@
+"""What a client finds out about a journal, once its match is over."""
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arena.game.keys import MatchKeys
+from arena.game.ruleset import load, to_dict
+from arena.game.types import Action, Team
+from arena.observation import Observations
+from arena.policy import BatchPolicy
+from arena.protocol import topics
+from arena.protocol.codec import MOST_BYTES, decode, encode
+from arena.protocol.facts import commit, sign_fact, sign_journal, sign_receipt
+from arena.protocol.identity import Identity
+from arena.protocol.messages import (
+    Commitment,
+    Ended,
+    Hello,
+    JournalPiece,
+    JournalRequest,
+    Message,
+    Orders,
+    Receipt,
+    Refusal,
+    Ticket,
+    Turn,
+    Wait,
+)
+from arena.records.journal import (
+    CHAIN_BYTES,
+    MAGIC,
+    Header,
+    Mark,
+    journal_name,
+    match_id,
+    write_receipt,
+    write_seats,
+    write_signature,
+)
+from arena.referee import archive
+from arena.referee.archive import Archive
+from arena.referee.events import Ask, End, Event, Write
+from arena.referee.match import Match, Phase, Terms
+from clients.audit import Verdict, audit, fetch
+from clients.runner import Runner
+from clients.seat import Seat
+from clients.settings import Settings
+
+RULES = load("paper").with_({"side": 10, "tick_limit": 12})
+UNITS = len(RULES.team(Team.BLUE))
+PIT, STRANGER = Identity.make(), Identity.make()
+ENTRIES = {team: Identity.make() for team in Team}
+KEYS = MatchKeys(map_key=b"\x07" * 32, match_key=b"\x08" * 32)
+OTHER_KEYS = MatchKeys(map_key=b"\x07" * 32, match_key=b"\x09" * 32)
+TRUE = "the journal is of this match, under the keys that the pit committed itself to"
+
+
+class Wanderer(BatchPolicy):
+    def act(self, observations: Observations, orders: np.ndarray) -> None:
+        chance = random.Random(int(observations.tick[0]))
+        orders[0] = [chance.randrange(len(Action)) for _ in range(orders.shape[1])]
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """The ticks of a journal, to be changed."""
+
+    data: bytes
+
+    LENGTH = 1 + 2 * UNITS + len(Team) + CHAIN_BYTES
+
+    def at(self, tick: int, offset: int, value: int) -> bytes:
+        changed = bytearray(self.data)
+        changed[tick * self.LENGTH + 1 + offset] = value
+        return bytes(changed)
+
+
+class Played:
+    """A match between two seats, as its pit wrote it down."""
+
+    def __init__(self, identity: str = "pit/0/ann/bob", late: Callable[[Team, int], bool] = lambda *_: False) -> None:
+        self.header = Header(identity=identity, blue="ann", red="bob", ruleset=RULES, keys=KEYS)
+        self.id = match_id(identity)
+        self.match = Match(self.header, Terms(bank_s=0.0), 0.0)
+        self.seats = {team: self._sit(team) for team in Team}
+        self.now_s, self._late, self.writes = 0.0, late, b""
+        self.asked: list[Ask] = []
+        self.carry_out([event for team in Team for event in self.match.ready(team, 0.0)])
+        while self.match.phase is Phase.PLAYING:
+            self._tick()
+
+    def _sit(self, team: Team) -> Seat:
+        ticket = Ticket(
+            match=self.id,
+            team=int(team),
+            ruleset={"name": RULES.name, **to_dict(RULES)},
+            opponent="",
+            turn_time_s=None,
+            bank_s=0.0,
+            tick=0,
+            secret=bytes(32),
+            commitment=b"",
+        )
+        return Seat(ticket, commit(self.id, KEYS), Wanderer)
+
+    def _tick(self) -> None:
+        asked, self.asked = self.asked, []
+        for ask in asked:
+            answer = self.seats[ask.team].receive(Turn(tick=ask.tick, observation=ask.observation))
+            assert isinstance(answer, Orders)
+            if not self._late(ask.team, ask.tick):
+                self.carry_out(self.match.submit(ask.team, answer.tick, answer.actions, self.now_s))
+        self.now_s += 2.0
+        self.carry_out(self.match.advance(self.now_s) if self.match.tick == asked[0].tick else [])
+
+    def carry_out(self, events: list[Event]) -> None:
+        for event in events:
+            if isinstance(event, Write):
+                self.writes += event.data
+            elif isinstance(event, Ask):
+                self.asked.append(event)
+            elif isinstance(event, End):
+                result = event.result
+                winner = None if result.winner is None else result.winner.name.lower()
+                ended = Ended(
+                    match=self.id,
+                    ending=result.ending.name.lower(),
+                    winner=winner,
+                    score=result.score,
+                    ticks=result.ticks,
+                    reason=result.reason,
+                )
+                for seat in self.seats.values():
+                    seat.receive(ended)
+
+    def receipt(self, team: Team, head: bytes | None = None) -> Receipt:
+        seat = self.seats[team]
+        return sign_receipt(ENTRIES[team], self.id, team, seat.known_ticks, seat.head if head is None else head)
+
+    def journal(
+        self,
+        *,
+        pit: Identity = PIT,
+        keys: MatchKeys = KEYS,
+        ticks: Callable[[Ticks], bytes] = lambda ticks: ticks.data,
+        receipts: dict[Team, Receipt] | None = None,
+        is_signed: bool = True,
+    ) -> bytes:
+        """Return the pit's journal, or what a pit might write that does not keep to what it said."""
+        start = self.match.start_record
+        packed, chain = replace(self.header, keys=keys).pack(), start[-CHAIN_BYTES:]
+        publics = {team: identity.public for team, identity in ENTRIES.items()}
+        commitment = sign_fact(pit, Commitment(match=self.id, digest=commit(self.id, keys))).signature
+        given = {team: self.receipt(team) for team in Team} if receipts is None else receipts
+        n_ticks = len(self.seats[Team.BLUE].answers) * Ticks.LENGTH
+        return (
+            MAGIC
+            + b"H"
+            + len(packed).to_bytes(4, "little")
+            + packed
+            + chain
+            + write_seats(pit.public, publics, commitment)
+            + ticks(Ticks(self.writes[:n_ticks]))
+            + self.writes[n_ticks:]
+            + b"".join(write_receipt(team, receipt) for team, receipt in given.items())
+            + (write_signature(sign_journal(pit, self.match.head)) if is_signed else b"")
+        )
+
+    def audit(self, team: Team = Team.BLUE, **changes: Any) -> Verdict:
+        return audit(self.seats[team], self.journal(**changes), PIT.public)
+
+
+@pytest.fixture(scope="module")
+def played() -> Played:
+    return Played()
+
+
+# A whole journal
+
+
+@pytest.mark.parametrize("team", Team)
+def test_the_true_journal_holds(played: Played, team: Team) -> None:
+    assert played.seats[team].ended is not None
+    assert played.audit(team) == (True, TRUE)
+    assert played.audit(team, receipts={}) == (True, TRUE)
+
+
+def test_keys_that_the_pit_did_not_commit_itself_to_are_found_out(played: Played) -> None:
+    assert played.audit(keys=OTHER_KEYS) == (False, "the journal's keys are not those that the pit committed itself to")
+
+
+@pytest.mark.parametrize("team", Team)
+@pytest.mark.parametrize("tick", [0, 3])
+def test_orders_that_the_seat_did_not_give_are_found_out(played: Played, team: Team, tick: int) -> None:
+    for unit in (0, UNITS - 1):
+        own = UNITS * team + unit
+        before = played.seats[team].answers[tick][unit]
+
+        def change(ticks: Ticks, own: int = own, before: int = before) -> bytes:
+            return ticks.at(tick, own, (before + 1) % len(Action))
+
+        assert played.audit(team, ticks=change) == (False, f"at tick {tick} the journal has other orders than this seat gave")
+        assert played.audit(team.other, ticks=change) == (True, TRUE)  # what the other said, only the other knows
+
+
+def test_a_mark_excuses_orders_that_were_not_played_and_only_the_seat_s_own() -> None:
+    late = Played(late=lambda team, tick: (team, tick) == (Team.RED, 2))
+    assert late.audit(Team.RED) == late.audit(Team.BLUE) == (True, TRUE)
+
+    def move_mark(ticks: Ticks) -> bytes:
+        return Ticks(ticks.at(2, 2 * UNITS + Team.RED, 0)).at(2, 2 * UNITS + Team.BLUE, Mark.LATE)
+
+    assert late.audit(Team.RED, ticks=move_mark) == (False, "at tick 2 the journal has other orders than this seat gave")
+
+
+def test_another_receipt_than_the_seat_gave_is_found_out(played: Played) -> None:
+    other = {Team.BLUE: played.receipt(Team.BLUE, bytes(32))}
+
+    assert played.audit(Team.BLUE, receipts=other) == (False, "the journal has another receipt than this seat gave")
+    assert played.audit(Team.RED, receipts=other) == (True, TRUE)
+
+
+def test_a_journal_of_another_pit_is_found_out(played: Played) -> None:
+    assert played.audit(pit=STRANGER) == (False, "the journal is not signed by this pit")
+
+
+def test_a_journal_of_another_match_is_found_out(played: Played) -> None:
+    other = Played("pit/1/ann/bob")
+
+    assert audit(played.seats[Team.BLUE], other.journal(), PIT.public) == (False, f"the journal is of match {other.id}")
+
+
+def test_a_journal_that_nobody_signed_is_found_out(played: Played) -> None:
+    assert played.audit(is_signed=False) == (False, "the signature of a journal does not hold")
+    assert audit(played.seats[Team.BLUE], played.match.start_record + played.writes, PIT.public) == (
+        False,
+        "the journal is not signed by this pit",
+    )
+
+
+def test_a_journal_that_is_cut_anywhere_is_found_out(played: Played) -> None:
+    data = played.journal()
+    for length in range(len(data)):
+        holds, sentence = audit(played.seats[Team.BLUE], data[:length], PIT.public)
+        assert holds is False
+        assert sentence
+
+
+@pytest.mark.parametrize("data", [b"", b"junk", MAGIC, MAGIC + b"H\xff\xff\xff\xff"])
+def test_what_is_no_journal_is_found_out(played: Played, data: bytes) -> None:
+    holds, sentence = audit(played.seats[Team.BLUE], data, PIT.public)
+
+    assert holds is False
+    assert "journal" in sentence
+
+
+def test_ticks_that_the_seat_played_cannot_be_taken_back(played: Played) -> None:
+    """Not those before the last: to that one, an answer may have come too late to be played."""
+    kept = len(played.seats[Team.BLUE].answers) - 2
+
+    assert played.audit(ticks=lambda ticks: ticks.data[: kept * Ticks.LENGTH]) == (
+        False,
+        "the journal lacks ticks that this seat played",
+    )
+
+
+@pytest.mark.parametrize("team", Team)
+@pytest.mark.parametrize(
+    "change", [{"winner": "red"}, {"score": 77}, {"ticks": 3}, {"ending": "void"}, {"reason": "because"}]
+)
+def test_an_ending_that_the_pit_did_not_tell_the_seat_is_found_out(played: Played, team: Team, change: dict[str, Any]) -> None:
+    seat = played.seats[team]
+    told = seat.ended
+    assert told is not None
+    if change == {"winner": told.winner}:
+        change = {"winner": "blue"}
+    try:
+        seat.ended = replace(told, **change)
+        assert played.audit(team) == (False, "the journal ends otherwise than the pit told this seat")
+    finally:
+        seat.ended = told
+
+
+# Piece by piece
+
+
+class Network:
+    """A session with one pit, which answers at once, or as it is told."""
+
+    def __init__(self, answer: Callable[[bytes], bytes]) -> None:
+        self.asked: list[tuple[str, int]] = []
+        self._answer = answer
+
+    def ask(self, key: str, payload: bytes, on_answer: Callable[[bytes], None], timeout_s: float) -> None:
+        request = decode(payload)
+        assert isinstance(request, JournalRequest)
+        self.asked.append((key, request.offset))
+        on_answer(self._answer(payload))
+
+
+def fetched(played: Played, answer: Callable[[bytes], bytes]) -> tuple[list[Verdict], Network, int]:
+    """Return what was found, what was asked, and how many answers went by the caller's thread."""
+    network, verdicts, n_deferred = Network(answer), [], 0  # type: Network, list[Verdict], int
+
+    def defer(handle: Callable[[bytes], None]) -> Callable[[bytes], None]:
+        def deferred(payload: bytes) -> None:
+            nonlocal n_deferred
+            n_deferred += 1
+            handle(payload)
+
+        return deferred
+
+    fetch(network, "pit", played.seats[Team.BLUE], PIT.public, defer, verdicts.append)  # type: ignore[arg-type]
+    return verdicts, network, n_deferred
+
+
+def pit_of(played: Played, folder: Path, data: bytes) -> Callable[[bytes], bytes]:
+    """Return how the archive of a pit answers."""
+    (folder / journal_name(played.header.identity)).write_bytes(data)
+    kept = Archive(folder)
+    kept.add(played.id, played.header, lambda: True)
+    return lambda payload: kept.answer(played.id, payload)
+
+
+def test_a_journal_comes_in_pieces(played: Played, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(archive, "PIECE_BYTES", 400)
+    data = played.journal()
+
+    verdicts, network, n_deferred = fetched(played, pit_of(played, tmp_path, data))
+
+    assert verdicts == [(True, TRUE)]
+    assert network.asked == [(topics.journal("pit", played.id), offset) for offset in range(0, len(data), 400)]
+    assert n_deferred == len(network.asked) > 2
+
+
+def test_a_journal_of_one_piece_is_asked_for_once(played: Played, tmp_path: Path) -> None:
+    verdicts, network, _ = fetched(played, pit_of(played, tmp_path, played.journal()))
+
+    assert (verdicts, len(network.asked)) == ([(True, TRUE)], 1)
+
+
+def test_a_journal_that_does_not_hold_is_found_out_over_the_network(played: Played, tmp_path: Path) -> None:
+    verdicts, _, _ = fetched(played, pit_of(played, tmp_path, played.journal(keys=OTHER_KEYS)))
+
+    assert verdicts == [(False, "the journal's keys are not those that the pit committed itself to")]
+
+
+@pytest.mark.parametrize(
+    ("answer", "sentence"),
+    [
+        (Refusal(reason="today"), "the journal is not to be seen today"),
+        (Wait(reason="until the last match of these two is over"), "the journal is not to be seen until the last match of these"),
+        (Hello(), "the journal cannot be had: the pit is gone"),
+        (JournalPiece(n_bytes=0, offset=0, data=b""), "the journal cannot be had: the pit is gone"),
+        (JournalPiece(n_bytes=100, offset=0, data=b""), "the journal cannot be had: the pit is gone"),
+        (JournalPiece(n_bytes=1 << 40, offset=0, data=b"x"), "the journal cannot be had: the pit is gone"),
+    ],
+)
+def test_a_journal_that_cannot_be_had_is_no_verdict(played: Played, answer: Message, sentence: str) -> None:
+    ((holds, said),), network, _ = fetched(played, lambda _: encode(answer))
+
+    assert holds is None
+    assert said.startswith(sentence)
+    assert len(network.asked) == 1
+
+
+@pytest.mark.parametrize("answer", [b"", b"\xc1", b"junk", bytes(MOST_BYTES + 1)])
+def test_silence_and_noise_are_no_verdict(played: Played, answer: bytes) -> None:
+    ((holds, said),), _, _ = fetched(played, lambda _: answer)
+
+    assert holds is None
+    assert said.startswith("the journal cannot be had: ")
+
+
+def test_a_pit_that_falls_silent_between_pieces_is_no_verdict(played: Played) -> None:
+    data = played.journal()
+    answers = [encode(JournalPiece(n_bytes=len(data), offset=0, data=data[:100])), b""]
+
+    verdicts, network, _ = fetched(played, lambda _: answers.pop(0))
+
+    assert verdicts == [(None, "the journal cannot be had: the pit is gone")]
+    assert [offset for _, offset in network.asked] == [0, 100]
+
+
+# A client whose connection is lost while it asks
+
+
+class Line:
+    """A connection that is there for some looks at it, and keeps what was asked."""
+
+    def __init__(self, looks: list[Callable[[], bool]]) -> None:
+        self.looks, self.n_looks = looks, 0
+        self.on_answers: list[Callable[[bytes], None]] = []
+
+    def declare_presence(self, key: str) -> None:
+        return
+
+    def is_connected(self) -> bool:
+        self.n_looks += 1
+        return self.looks.pop(0)() if self.looks else False
+
+    def ask(self, key: str, payload: bytes, on_answer: Callable[[bytes], None], timeout_s: float) -> None:
+        self.on_answers.append(on_answer)
+
+
+def test_an_audit_that_was_cut_off_does_not_keep_a_client_from_its_end(played: Played) -> None:
+    """Its question is answered by silence once the connection is closed; that is no answer to a later one."""
+    verdicts: list[Verdict] = []
+
+    def nothing(_: Any) -> None:
+        return
+
+    settings = Settings(
+        endpoint="",
+        pit="pit",
+        name="ann",
+        team="any",
+        make=Wanderer,
+        n_matches=1,
+        on_audit=lambda _, verdict: verdicts.append(verdict),
+    )
+    runner = Runner(settings, on_seat=nothing, on_end=nothing, on_wait=nothing)
+    (slot,) = runner._slots
+
+    def begin() -> bool:
+        runner._begin_audit(slot, played.seats[Team.BLUE], settings.on_audit or (lambda *_: None))
+        return False
+
+    def end() -> bool:
+        slot.is_done = True
+        return True
+
+    first, second = Line([begin]), Line([end])
+    runner._serve(first)  # type: ignore[arg-type]
+    (on_answer,) = first.on_answers
+    on_answer(b"")
+    runner._serve(second)  # type: ignore[arg-type]
+
+    assert runner._is_done()
+    assert second.n_looks == 1, "it went on as if there were something left to wait for"
+    assert verdicts == []
+
+
+def test_a_late_ending_of_a_match_that_has_ended_meanwhile_is_passed_over(played: Played) -> None:
+    """It was asked for while the pit told it."""
+    ended = played.seats[Team.BLUE].ended
+    assert ended is not None
+    heard: list[Seat] = []
+    settings = Settings(endpoint="", pit="pit", name="ann", team="any", make=Wanderer, n_matches=1)
+    runner = Runner(settings, on_seat=heard.append, on_end=heard.append, on_wait=lambda _: None)
+
+    runner._on_late_ending(runner._slots[0], sign_fact(PIT, ended))
+
+    assert heard == []

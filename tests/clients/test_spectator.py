@@ -1,0 +1,258 @@
+"""What a spectator makes of the messages of a real table, and what it does not believe."""
+
+import os
+import random
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arena.errors import ForgedError, ProtocolError, UnreadableError
+from arena.game.keys import MatchKeys
+from arena.game.ruleset import load
+from arena.game.state import Fact
+from arena.game.types import Action, Code, Team
+from arena.protocol.codec import decode, encode
+from arena.protocol.facts import commit, sign_fact
+from arena.protocol.identity import Identity
+from arena.protocol.messages import Commitment, Ended, Facts, Message, Orders, Signed, Truth
+from arena.protocol.sealing import truth_sealer
+from arena.records.journal import Header, match_id, read_journal
+from arena.referee.events import End, Event, Publish, Write
+from arena.referee.match import Match, Phase, Terms
+from arena.referee.replay import replay
+from arena.referee.table import House, Table
+from clients.spectator import SALT_BYTES, Frame, Spectator
+
+RULES = load("paper").with_({"side": 10, "tick_limit": 12})
+IDENTITY = "pit/0/ann/bob"
+MATCH = match_id(IDENTITY)
+KEYS = MatchKeys(map_key=b"\x07" * 32, match_key=b"\x08" * 32)
+PIT, STRANGER = Identity.make(), Identity.make()
+KEY, SALT = b"k" * 32, b"s" * 32
+
+
+class Audience:
+    """A session on which everybody listens."""
+
+    def __init__(self) -> None:
+        self.said: dict[str, list[bytes]] = {}
+
+    def publisher(self, key: str) -> tuple[Callable[[bytes], None], Callable[[], None]]:
+        return (lambda data: None), (lambda: None)
+
+    def broadcast(self, key: str) -> Any:
+        put = self.said.setdefault(key.rpartition("/")[2], []).append
+        return SimpleNamespace(put=put, end=lambda: None, is_heard=True)
+
+
+class Show:
+    """A match of random orders, and what its table told everyone."""
+
+    def __init__(self, identity: Identity = PIT, spectator_key: bytes | None = KEY) -> None:
+        header = Header(identity=IDENTITY, blue="ann", red="bob", ruleset=RULES, keys=KEYS)
+        match, session, self.journal = Match(header, Terms(turn_time_s=None), 0.0), Audience(), b""
+        house: Any = House(session=session, pit="pit", identity=identity, spectator_key=spectator_key)  # type: ignore[arg-type]
+        entries = {team: Identity.make().public for team in Team}
+        self._table = Table(house, match, entries, os.open(os.devnull, os.O_WRONLY))
+        self.journal, chance = match.start_record, random.Random(3)
+        for team in Team:
+            self._carry_out(match.ready(team, 0.0))
+        while match.phase is Phase.PLAYING:
+            tick = match.tick
+            for team in Team:
+                orders = bytes(chance.randrange(len(Action)) for _ in RULES.team(team))
+                self._carry_out(match.submit(team, tick, orders, 0.0))
+        self._table.put_down()
+        self.public: list[bytes] = session.said["public"]
+        self.truths: list[bytes] = session.said["truth"]
+
+    def _carry_out(self, events: list[Event]) -> None:
+        for event in events:
+            if isinstance(event, Write):
+                self.journal += event.data
+            elif isinstance(event, Publish):
+                self._table.publish()
+            elif isinstance(event, End):
+                self._table.end(event.result)
+
+
+@pytest.fixture(scope="module")
+def show() -> Show:
+    return Show()
+
+
+@pytest.fixture(scope="module")
+def games(show: Show) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, tuple[int, int], int]]:
+    """Return the truth, both views, the living and the score of each tick, by the journal."""
+
+    def look() -> Iterator[Any]:
+        for game in replay(read_journal(show.journal)):
+            fact, grids = game.state.fact[0], game.grids()
+            living = int(fact[Fact.BLUE_LIVING]), int(fact[Fact.RED_LIVING])
+            views = [grids[team, 0].copy() for team in Team]
+            yield game.truth(0).copy(), *views, living, int(fact[Fact.SCORE])
+
+    return list(look())
+
+
+def spectator(key: bytes | None = KEY, pit: str = "pit", match: str = MATCH, pit_key: bytes = PIT.public) -> Spectator:
+    return Spectator(pit, match, RULES, pit_key, key)
+
+
+def frame(heard: Frame | None) -> Frame:
+    assert heard is not None
+    return heard
+
+
+def test_the_public_facts_of_each_tick_are_those_of_the_journal(show: Show, games: list[Any]) -> None:
+    watching = spectator(key=None)
+    frames = [frame(watching.hear_public(payload)) for payload in show.public[:-1]]
+
+    assert [one.tick for one in frames] == list(range(len(games) - 1))
+    assert [(one.living, one.score) for one in frames] == [game[3:] for game in games[:-1]]
+    assert {one.names for one in frames} == {("ann", "bob")}
+    assert {(one.truth is None, one.seen is None, one.ended) for one in frames} == {(True, True, None)}
+
+
+def test_the_ending_is_the_one_that_the_pit_signed(show: Show) -> None:
+    journal = read_journal(show.journal)
+    ending = frame(spectator(key=None).hear_public(show.public[-1]))
+
+    assert journal.ending is not None
+    assert ending.ended is not None
+    assert (ending.tick, ending.score) == (journal.ending.ticks, journal.ending.score)
+    assert ending.ended.ending == journal.ending.ending.name.lower()
+
+
+def test_the_truth_and_both_views_are_those_of_the_journal(show: Show, games: list[Any]) -> None:
+    """All frames are kept until the last is there: none is written over by the next."""
+    watching = spectator()
+    frames = [frame(watching.hear_truth(payload)) for payload in show.truths]
+
+    assert [one.tick for one in frames] == list(range(len(games) - 1))
+    for one, (truth, blue, red, living, score) in zip(frames, games, strict=False):
+        assert one.truth is not None
+        assert one.seen is not None
+        assert np.array_equal(one.truth, truth)
+        assert np.array_equal(one.seen[0], blue)
+        assert np.array_equal(one.seen[1], red)
+        assert (one.living, one.score) == (living, score)
+    assert any((one.seen[0] == Code.HIDDEN).any() for one in frames if one.seen)
+
+
+def test_a_spectator_that_comes_later_sees_from_there_on(show: Show) -> None:
+    watching = spectator()
+
+    assert [frame(watching.hear_truth(payload)).tick for payload in show.truths[3:]] == list(range(3, len(show.truths)))
+
+
+def test_without_the_key_a_truth_is_nothing(show: Show) -> None:
+    assert spectator(key=None).hear_truth(show.truths[0]) is None
+    assert spectator(key=None).hear_truth(b"junk") is None
+
+
+@pytest.mark.parametrize("other", [{"key": b"K" * 32}, {"pit": "other"}, {"match": "0123456789abcdef"}])
+def test_a_truth_of_another_key_pit_or_match_does_not_open(show: Show, other: dict[str, Any]) -> None:
+    with pytest.raises(ForgedError):
+        spectator(**other).hear_truth(show.truths[0])
+
+
+def test_a_truth_that_was_changed_cut_or_heard_before_does_not_open(show: Show) -> None:
+    watching, truths = spectator(), show.truths
+    watching.hear_truth(truths[1])
+    for payload in (
+        b"",
+        truths[2][:SALT_BYTES],
+        truths[2][:-1],
+        truths[2][:-1] + bytes([truths[2][-1] ^ 1]),
+        truths[3][:SALT_BYTES] + b"\x01" + truths[3][SALT_BYTES + 1 :],
+        truths[0],
+    ):
+        with pytest.raises(ForgedError):
+            watching.hear_truth(payload)
+
+
+def test_a_pit_that_came_back_is_seen_again(show: Show) -> None:
+    """Its new process counts from 0, under a salt of its own."""
+    watching = spectator()
+    for payload in show.truths[:4]:
+        watching.hear_truth(payload)
+
+    assert frame(watching.hear_truth(Show().truths[0])).tick == 0
+    with pytest.raises(ForgedError):
+        watching.hear_truth(show.truths[0])
+
+
+def sealed(message: Message, tick: int = 0) -> bytes:
+    return SALT + truth_sealer(KEY, SALT, "pit", MATCH).close(encode(message), tick)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda truth: replace(truth, board=truth.board[:-1]),
+        lambda truth: replace(truth, board=truth.board + b"\0"),
+        lambda truth: replace(truth, board=b""),
+        lambda truth: replace(truth, seen=truth.seen[:1]),
+        lambda truth: replace(truth, seen=[]),
+        lambda truth: replace(truth, seen=truth.seen * 2),
+        lambda truth: replace(truth, seen=[truth.seen[0], truth.seen[1][:-1]]),
+        lambda truth: replace(truth, seen=[b"", b""]),
+        lambda truth: replace(truth, seen=[bytes([0x7F]) * len(truth.seen[0]), truth.seen[1]]),
+        lambda truth: Orders(tick=0, actions=b""),
+    ],
+)
+def test_a_truth_of_other_sizes_is_refused(change: Callable[[Truth], Message]) -> None:
+    match = Match(Header(identity=IDENTITY, blue="ann", red="bob", ruleset=RULES, keys=KEYS), Terms(), 0.0)
+    board, seen = match.truth()
+    truth = Truth(tick=0, board=board, seen=seen)
+    assert frame(spectator().hear_truth(sealed(truth))).tick == 0
+
+    with pytest.raises(UnreadableError):
+        spectator().hear_truth(sealed(change(truth)))
+
+
+@pytest.mark.parametrize(
+    "changes", [{"living": [6]}, {"living": [6, 6, 6]}, {"living": []}, {"names": ["ann"]}, {"names": ["a", "b", "c"]}]
+)
+def test_facts_of_another_number_of_teams_are_refused(show: Show, changes: dict[str, Any]) -> None:
+    facts = decode(show.public[0])
+    assert isinstance(facts, Facts)
+
+    with pytest.raises(UnreadableError, match="the facts are not of two teams"):
+        spectator().hear_public(encode(replace(facts, **changes)))
+
+
+def test_an_ending_that_another_signed_or_of_another_match_is_refused(show: Show) -> None:
+    signed = decode(show.public[-1])
+    assert isinstance(signed, Signed)
+    ended = decode(signed.data)
+    assert isinstance(ended, Ended)
+    for forged in (
+        sign_fact(STRANGER, ended),
+        replace(signed, signature=bytes(64)),
+        replace(signed, data=encode(replace(ended, winner="red", score=-100))),
+        sign_fact(PIT, replace(ended, match="0123456789abcdef")),
+    ):
+        with pytest.raises(ForgedError):
+            spectator().hear_public(encode(forged))
+    with pytest.raises(ForgedError):
+        spectator(pit_key=STRANGER.public).hear_public(show.public[-1])
+
+
+@pytest.mark.parametrize("payload", [b"", b"junk", b"\xc1", bytes(70_000)])
+def test_noise_is_refused(payload: bytes) -> None:
+    with pytest.raises(ProtocolError):
+        spectator().hear_public(payload)
+
+
+def test_what_is_nothing_for_spectators_is_passed_over() -> None:
+    commitment = sign_fact(PIT, Commitment(match=MATCH, digest=commit(MATCH, KEYS)))
+    unsigned = Ended(match=MATCH, ending="capture", winner="red", score=-100, ticks=3, reason="")
+
+    for message in (commitment, unsigned, Orders(tick=0, actions=b"")):
+        assert spectator().hear_public(encode(message)) is None
