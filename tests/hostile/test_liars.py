@@ -12,8 +12,9 @@ import msgpack
 from arena.game.types import RULES_VERSION, Team
 from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES, decode, encode
+from arena.protocol.facts import read_fact
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Closed, Ended, JoinRequest, Knock, Orders, Ready, Refusal, Ticket, Turn, Wait
+from arena.protocol.messages import Closed, Ended, JoinRequest, Knock, Orders, Ready, Refusal, Signed, Ticket, Turn, Wait
 from arena.records.journal import Mark, load_journal
 from arena.referee.replay import verify
 
@@ -219,3 +220,20 @@ def test_a_stopped_listener_and_a_stopped_seat_make_no_other_match_late(
     for journal in others:
         assert verify(journal) > 0
         assert not any(mark & Mark.LATE for tick in journal.ticks for mark in tick.marks)
+
+
+def test_who_was_away_when_the_match_ended_is_told_how(serve: Start, join: Start, stranger: Callable[..., Any]) -> None:
+    pit = serve("--seed", 7, "--set", "tick_limit=3", "--turn-time", 0.05, "--bank", 0)
+    eve = stranger()
+    honest = join("--team", "blue", "--policy", "patrol")
+    ticket = eve.sit(team="red")
+    eve.say(Ready(known_ticks=0))
+    assert honest.finish() == 0  # eve answers nothing: her units stay
+
+    answer = eve.ask(match=ticket.match)
+
+    assert isinstance(answer, Signed)
+    ended = read_fact(answer, eve.pit_key)
+    assert isinstance(ended, Ended)
+    assert (ended.match, ended.ticks, ended.faults["red"]["late"]) == (ticket.match, 3, 3)
+    assert "tick limit after 3 ticks" in pit.said
