@@ -240,6 +240,8 @@ class Runner:
 
     def _sit_down(self, session: Session, slot: Slot, attempt: Attempt, ticket: Ticket) -> None:
         """Take a seat, or the same one again, and say so to the referee."""
+        if ticket.match == slot.over:
+            return
         try:
             is_new = slot.take(ticket, attempt, self._make_seat)
         except UnreadableError as error:

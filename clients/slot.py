@@ -26,6 +26,8 @@ class Slot:
         self.put: Put | None = None
         self.ears: Collector | None = None
         self.leave = ExitStack()
+        self.over = ""
+        """The match that ended here last: a ticket for it that comes late is of no use."""
         self.is_done = False
         self.asked_at_s: float | None = None
         self.n_unanswered = 0
@@ -41,6 +43,8 @@ class Slot:
     def free(self) -> None:
         """Let go of the seat."""
         self.fall_silent()
+        if self.seat is not None and self.seat.ended is not None:
+            self.over = self.seat.ticket.match
         self.seat = None
 
     def fall_silent(self) -> None:

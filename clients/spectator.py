@@ -59,7 +59,11 @@ class Spectator:
         """Take a public message; `ProtocolError` if the pit did not say it."""
         message = decode(payload)
         if isinstance(message, Facts):
-            if len(message.living) != len(Team) or len(message.names) != len(Team):
+            if (
+                len(message.living) != len(Team)
+                or len(message.names) != len(Team)
+                or not all(map(topics.is_chunk, message.names))
+            ):
                 raise UnreadableError("the facts are not of two teams")
             blue, red = message.living
             return Frame(tick=message.tick, names=(message.names[0], message.names[1]), living=(blue, red), score=message.score)
@@ -124,7 +128,8 @@ def watch(
                 at = topics.read_match(read_key(sample))
                 if match and at != match:
                     continue
-                spectator = spectator or Spectator(address.pit, at, ruleset, pit_key, spectator_key)
+                if spectator is None or not match:
+                    spectator = Spectator(address.pit, at, ruleset, pit_key, spectator_key)
                 frame = spectator.hear_truth(read_payload(sample)) if is_truth else spectator.hear_public(read_payload(sample))
             except ProtocolError:
                 continue  # anybody may publish; what the pit did not seal or sign counts for nothing
@@ -133,8 +138,6 @@ def watch(
                 yield match, frame
                 if frame.ended is not None:
                     return
-            elif not match:
-                spectator = None
 
 
 def _look(session: Session, address: Address, pit_key: bytes, match: str) -> Lobby:

@@ -271,9 +271,7 @@ def test_ticks_that_the_seat_played_cannot_be_taken_back(played: Played) -> None
 
 
 @pytest.mark.parametrize("team", Team)
-@pytest.mark.parametrize(
-    "change", [{"winner": "red"}, {"score": 77}, {"ticks": 3}, {"ending": "void"}, {"reason": "because"}]
-)
+@pytest.mark.parametrize("change", [{"winner": "red"}, {"score": 77}, {"ticks": 3}, {"ending": "void"}, {"reason": "because"}])
 def test_an_ending_that_the_pit_did_not_tell_the_seat_is_found_out(played: Played, team: Team, change: dict[str, Any]) -> None:
     seat = played.seats[team]
     told = seat.ended

@@ -4,17 +4,20 @@ import os
 import random
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import islice
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from arena.address import Address
 from arena.errors import ForgedError, ProtocolError, UnreadableError
 from arena.game.keys import MatchKeys
-from arena.game.ruleset import load
+from arena.game.ruleset import load, to_dict
 from arena.game.state import Fact
 from arena.game.types import Action, Code, Team
+from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.facts import commit, sign_fact
 from arena.protocol.identity import Identity
@@ -25,7 +28,7 @@ from arena.referee.events import End, Event, Publish, Write
 from arena.referee.match import Match, Phase, Terms
 from arena.referee.replay import replay
 from arena.referee.table import House, Table
-from clients.spectator import SALT_BYTES, Frame, Spectator
+from clients.spectator import SALT_BYTES, Frame, Spectator, watch
 
 RULES = load("paper").with_({"side": 10, "tick_limit": 12})
 IDENTITY = "pit/0/ann/bob"
@@ -256,3 +259,72 @@ def test_what_is_nothing_for_spectators_is_passed_over() -> None:
 
     for message in (commitment, unsigned, Orders(tick=0, actions=b"")):
         assert spectator().hear_public(encode(message)) is None
+
+
+# Among several matches
+
+
+class Hall:
+    """A connection on which much has been said already."""
+
+    def __init__(self, heard_by: str, said: list[tuple[str, bytes]]) -> None:
+        self._heard_by, self._said = heard_by, said
+
+    def __enter__(self) -> "Hall":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return
+
+    def subscribe(self, key: str, on_sample: Callable[[Any], None]) -> None:
+        for one in self._said if key == self._heard_by else []:
+            on_sample(one)
+
+
+@pytest.fixture
+def enter(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, list[tuple[str, bytes]]], None]:
+    """Let `watch` find a pit where this is said on an expression's keys."""
+
+    def prepare(heard_by: str, said: list[tuple[str, bytes]]) -> None:
+        lobby = SimpleNamespace(ruleset={"name": RULES.name, **to_dict(RULES)}, running=[{"match": MATCH}])
+        for name, value in {
+            "open_client": lambda *_: Hall(heard_by, said),
+            "ask_challenge": lambda *_: SimpleNamespace(pit_key=PIT.public),
+            "ask_lobby": lambda *_: lobby,
+            "read_key": lambda sample: sample[0],
+            "read_payload": lambda sample: sample[1],
+        }.items():
+            monkeypatch.setattr(f"clients.spectator.{name}", value)
+
+    return prepare
+
+
+@pytest.mark.parametrize("match", ["", MATCH])
+def test_one_match_is_watched_from_the_first_word_that_is_the_pit_s_to_its_end(
+    show: Show, enter: Callable[..., None], match: str
+) -> None:
+    """Whatever is said of others, and whatever noise comes first."""
+    other = topics.truth("pit", "0123456789abcdef")
+    said = [(other, b"noise")]
+    for truth in show.truths:
+        said += [(topics.truth("pit", MATCH), truth), (other, truth)]
+    enter(topics.all_truths("pit"), said)
+    trusted: list[bytes] = []
+
+    watching = watch(Address(), None, match, trusted.append, KEY)
+    frames = list(islice(watching, len(show.truths)))
+
+    assert trusted == [PIT.public]
+    assert [(at, one.tick) for at, one in frames] == [(MATCH, tick) for tick in range(len(show.truths))]
+
+
+def test_facts_of_other_matches_are_not_mixed_in(show: Show, enter: Callable[..., None]) -> None:
+    facts = [(topics.public("pit", at), payload) for payload in show.public[:-1] for at in (MATCH, "other")]
+    said = [*facts, (topics.public("pit", "other"), show.public[-1]), (topics.public("pit", MATCH), show.public[-1])]
+    enter(topics.all_public("pit"), said)
+
+    frames = list(watch(Address(), None, "", lambda _: None, None))
+
+    assert {at for at, _ in frames} == {MATCH}
+    assert [one.tick for _, one in frames] == [*range(len(show.public) - 1), len(show.public) - 1]
+    assert frames[-1][1].ended is not None

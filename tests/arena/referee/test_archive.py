@@ -55,9 +55,7 @@ def test_a_journal_of_many_pieces_comes_together(archive: Archive) -> None:
 
 def test_a_piece_may_be_asked_for_from_anywhere_and_again(archive: Archive) -> None:
     for offset in (0, 1, PIECE_BYTES - 1, 99_999, len(DATA) - 1, 0):
-        assert ask(archive, offset) == JournalPiece(
-            n_bytes=len(DATA), offset=offset, data=DATA[offset : offset + PIECE_BYTES]
-        )
+        assert ask(archive, offset) == JournalPiece(n_bytes=len(DATA), offset=offset, data=DATA[offset : offset + PIECE_BYTES])
 
 
 @pytest.mark.parametrize("offset", [len(DATA), len(DATA) + 1, 2**40, 2**63, 2**64 - 1])

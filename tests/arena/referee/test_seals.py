@@ -28,7 +28,7 @@ from arena.records.transcript import Head, Transcript, TranscriptHeader
 from arena.referee.events import Ask, Event, Write
 from arena.referee.match import Match, Phase, Terms
 from arena.referee.replay import BrokenChainError
-from arena.referee.seals import Checked, Standing, check_seals, compare
+from arena.referee.seals import Checked, Standing, check_seals, compare, watch
 
 RULES = load("paper").with_({"side": 10, "tick_limit": 12})
 UNITS = len(RULES.team(Team.BLUE))
@@ -93,7 +93,9 @@ class Played:
             n_ticks -= 1
         return self
 
-    def receipt(self, team: Team, by: Identity | None = None, n_shown: int | None = None, shown: list[bytes] | None = None) -> Receipt:
+    def receipt(
+        self, team: Team, by: Identity | None = None, n_shown: int | None = None, shown: list[bytes] | None = None
+    ) -> Receipt:
         """Return a seat's word on what it was shown, or on less, or on something else."""
         head = Head()
         counted = self.shown[team][:n_shown] if shown is None else shown
@@ -198,8 +200,9 @@ def test_a_receipt_by_another_key_or_of_the_other_seat_is_forged(calm: Played) -
 
 def test_a_receipt_of_another_match_s_sights_differs_and_the_pit_s_word_stands_against_the_seat_s(calm: Played) -> None:
     changed = [*calm.shown[Team.RED][:-1], calm.shown[Team.RED][0]]
-    n_shown = len(calm.shown[Team.RED])
+    n_shown, to_the_end = len(calm.shown[Team.RED]), watch(calm.journal())[Team.RED]
     for receipt in (
+        calm.receipt(Team.RED, n_shown=len(to_the_end) + 1, shown=to_the_end),
         calm.receipt(Team.RED, shown=changed),
         calm.receipt(Team.RED, shown=calm.shown[Team.BLUE]),
         calm.receipt(Team.RED, n_shown=n_shown - 1, shown=calm.shown[Team.RED]),
