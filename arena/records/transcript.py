@@ -118,7 +118,10 @@ class TranscriptWriter:
             raise InputError(f"cannot write the transcript {path}: {error.strerror}") from error
         self._file = os.fdopen(descriptor, "wb", _BUFFER_BYTES)
         self._write(MAGIC + pack_frame(b"H", header.pack()))
-        self._file.flush()
+        try:
+            self._file.flush()  # what is known of a client that is killed early: where it sat
+        except OSError as error:
+            self._give_up(error)
 
     def __enter__(self) -> "TranscriptWriter":
         return self
