@@ -1,74 +1,47 @@
 """Results in SQL, each match once: what is in here is never played again.
 
 Tables: `leagues`, a row of facts each; `matches`, a row for each match that ended, its identity unique. SQLite in WAL mode, so
-that reports can be read while a league runs. A commit reaches the system at once: a killed process loses nothing.
+that reports can be read while a league runs; or PostgreSQL, which may be killed and come back while a league runs. A commit
+reaches the system at once: a killed process loses nothing.
 """
 
 import fcntl
 import json
+import logging
 import os
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from threading import RLock
+from typing import Any, TypeVar
 
-from sqlalchemy import (
-    Column,
-    Engine,
-    Float,
-    ForeignKey,
-    Integer,
-    MetaData,
-    String,
-    Table,
-    Text,
-    create_engine,
-    event,
-    func,
-    inspect,
-    select,
-)  # fmt: skip
-from sqlalchemy.dialects.sqlite import insert
-from sqlalchemy.engine import make_url
-from sqlalchemy.exc import ArgumentError, DatabaseError, NoSuchModuleError
+from sqlalchemy import Connection, Engine, func, select, text
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import DatabaseError
 
-from arena.errors import ArenaError, InputError, UnknownNameError
+from arena.errors import ArenaError, UnknownNameError
 from arena.game.types import Ending, Team
 from tournaments.edits import find_edit, hash_facts
+from tournaments.migrations.upgrade import upgrade
 from tournaments.outcome import Outcome, SeatOutcome
+from tournaments.schema import LEAGUES, MATCHES, StoreError, explain, is_lost, number, reach
 
-_METADATA = MetaData()
-_LEAGUES = Table(
-    "leagues",
-    _METADATA,
-    Column("id", Integer, primary_key=True),
-    Column("name", String(64), nullable=False, unique=True),
-    Column("hash", String(64), nullable=False),
-    Column("facts", Text, nullable=False),
-    Column("n_pairs", Integer, nullable=False),
-    Column("run_at", Float, nullable=False),
-)
-_MATCHES = Table(
-    "matches",
-    _METADATA,
-    Column("id", Integer, primary_key=True),
-    Column("league_id", ForeignKey("leagues.id"), nullable=False, index=True),
-    Column("identity", String(300), nullable=False, unique=True),
-    Column("blue", String(64), nullable=False),
-    Column("red", String(64), nullable=False),
-    Column("ending", String(16), nullable=False),
-    Column("winner", String(4)),
-    Column("score", Integer, nullable=False),
-    Column("ticks", Integer, nullable=False),
-    Column("reason", Text, nullable=False),
-    Column("seats", Text, nullable=False),
-)
+__all__ = ["Store", "StoreError", "StoredLeague", "TakenError"]
+
+PATIENCE_S = 30.0
+"""How long a server may be away in the middle of a league."""
+T = TypeVar("T")
+logger = logging.getLogger(__name__)
 
 
-class StoreError(InputError):
-    """The store cannot be read or written; nothing that it holds is lost."""
+class TakenError(ArenaError):
+    """Another scheduler runs the league."""
+
+    def __init__(self, league: str, holds: str) -> None:
+        super().__init__(f"another scheduler runs league {league} (it holds {holds})")
+        self.league = league
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,25 +59,20 @@ class StoredLeague:
 class Store:
     """The results of all leagues in one database."""
 
-    def __init__(self, url: str, *, make: bool = True) -> None:
+    def __init__(self, url: str, *, make: bool = True, patience_s: float = PATIENCE_S) -> None:
         """Open a store, and with `make` lay its tables if need be; `url` is of SQLAlchemy, or a file."""
+        self._engine, self._where = reach(url, must_exist=not make)
+        self._insert = postgresql.insert if self._engine.dialect.name == "postgresql" else sqlite.insert
+        keep = self._insert(MATCHES).on_conflict_do_nothing(index_elements=["identity"]).inline()
+        self._keep = keep.execution_options(preserve_rowcount=True)
+        self._patience_s = patience_s
+        self._sessions: dict[str, _LockedSession] = {}
         try:
-            parsed = make_url(url if ":" in url else f"sqlite:///{url}")
-        except ArgumentError as error:
-            raise StoreError(f"--db is {url!r}; it must be a file, or a URL like sqlite:////folder/arena.db") from error
-        if parsed.get_backend_name() != "sqlite":
-            raise StoreError(
-                f"the store cannot be kept in {parsed.get_backend_name()}; name a file, or sqlite:////folder/arena.db"
-            )
-        self._where = parsed.database or ":memory:"
-        if not make and not Path(self._where).exists() and not self._where.startswith("file:"):
-            raise StoreError(f"there are no results yet: there is no {self._where}")
-        self._engine = _connect(parsed, self._where)
-        with self._saying("open"):
-            if make:
-                _METADATA.create_all(self._engine)
-            elif not inspect(self._engine).has_table("leagues"):
-                raise StoreError(f"{self._where} is no store of the arena: it has no table of leagues")
+            with self._saying("open"):
+                upgrade(self._engine, self._where, make=make)
+        except BaseException:
+            self._engine.dispose()
+            raise
 
     def __enter__(self) -> "Store":
         return self
@@ -117,9 +85,32 @@ class Store:
         """Turn what the database says into one sentence."""
         try:
             yield
-        except (DatabaseError, NoSuchModuleError) as error:
-            reason = str(getattr(error, "orig", None) or error).partition("\n")[0]
-            raise StoreError(f"cannot {what} the store {self._where}: {reason}") from error
+        except DatabaseError as error:
+            raise StoreError(explain(what, self._where, error)) from error
+
+    def _do(self, what: str, work: Callable[[Connection], T], league: str | None = None) -> T:
+        """Do something in one transaction; if the server goes away, wait for it and do it again.
+
+        What is done to a league whose lock is held is done in the session that holds it: whoever lost the lock cannot write.
+        """
+        give_up_at = None
+        while True:
+            try:
+                session = self._sessions.get(league) if league is not None else None
+                with session.use() if session is not None else self._engine.connect() as connection, connection.begin():
+                    return work(connection)
+            except (DatabaseError, TakenError) as error:
+                is_over = give_up_at is not None and time.monotonic() > give_up_at
+                if isinstance(error, TakenError):
+                    if give_up_at is None or is_over:  # until then, the server may not know that our old session is dead
+                        raise
+                elif is_over or not is_lost(error):
+                    raise StoreError(explain(what, self._where, error)) from error
+                elif give_up_at is None:
+                    give_up_at = time.monotonic() + self._patience_s
+                    said = explain(what, self._where, error)
+                    logger.warning("%s; trying again for %.0f s", said, self._patience_s)
+                time.sleep(0.2)
 
     @contextmanager
     def lock(self, league: str) -> Iterator[None]:
@@ -127,22 +118,22 @@ class Store:
 
         Raises
         ------
-        ArenaError
+        TakenError
             Another scheduler runs the league.
         """
-        path = Path(f"{self._where.removeprefix('file:').partition('?')[0]}.{league}.lock")
+        if self._engine.dialect.name != "postgresql":
+            with _lock_file(self._where, league):
+                yield
+            return
+        session = _LockedSession(self._engine, self._where, league)
+        with self._saying("lock a league in"), session.use():
+            pass
+        self._sessions[league] = session
         try:
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
-        except OSError as error:
-            raise StoreError(f"cannot lock the league with {path}: {error.strerror}") from error
-        try:
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as error:
-                raise ArenaError(f"another scheduler runs league {league} (it holds {path})") from error
             yield
         finally:
-            os.close(descriptor)
+            del self._sessions[league]
+            session.release()
 
     def enter(self, name: str, facts: Mapping[str, Any], n_pairs: int) -> StoredLeague:
         """Return the row of a league that is about to be run, made if need be.
@@ -162,9 +153,8 @@ class Store:
         values = {
             "hash": hash_facts(facts), "facts": json.dumps(facts, sort_keys=True), "n_pairs": n_pairs, "run_at": time.time(),
         }  # fmt: skip
-        row = insert(_LEAGUES).values(name=name, **values)
-        with self._saying("write to"), self._engine.begin() as connection:
-            connection.execute(row.on_conflict_do_update(index_elements=["name"], set_=values))
+        row = self._insert(LEAGUES).values(name=name, **values).on_conflict_do_update(index_elements=["name"], set_=values)
+        self._do("write to", lambda connection: connection.execute(row), name)
         found = self.find(name)
         if found is None:
             raise StoreError(f"league {name} was taken out of the store while it began")
@@ -172,7 +162,7 @@ class Store:
 
     def find(self, name: str) -> StoredLeague | None:
         """Return a league by its name."""
-        rows = self._leagues(select(_LEAGUES).where(_LEAGUES.c.name == name))
+        rows = self._leagues(select(LEAGUES).where(LEAGUES.c.name == name))
         return rows[0] if rows else None
 
     def get(self, name: str) -> StoredLeague:
@@ -192,11 +182,10 @@ class Store:
 
     def leagues(self) -> list[StoredLeague]:
         """Return every league, the one that was run last first."""
-        return self._leagues(select(_LEAGUES).order_by(_LEAGUES.c.run_at.desc(), _LEAGUES.c.id.desc()))
+        return self._leagues(select(LEAGUES).order_by(LEAGUES.c.run_at.desc(), LEAGUES.c.id.desc()))
 
     def _leagues(self, query: Any) -> list[StoredLeague]:
-        with self._saying("read"), self._engine.connect() as connection:
-            rows = connection.execute(query).all()
+        rows = self._do("read", lambda connection: connection.execute(query).all())
         return [
             StoredLeague(id=row.id, name=row.name, hash=row.hash, facts=json.loads(row.facts), n_pairs=row.n_pairs)
             for row in rows
@@ -215,44 +204,110 @@ class Store:
             "winner": None if outcome.winner is None else outcome.winner.name.lower(),
             "score": outcome.score,
             "ticks": outcome.ticks,
-            "reason": outcome.reason,
+            "reason": _clean(outcome.reason),
             "seats": json.dumps({team.name.lower(): _pack(seat) for team, seat in sorted(outcome.seats.items())}),
         }
-        with self._saying("write to"), self._engine.begin() as connection:
-            return connection.execute(_KEEP, row).rowcount == 1
+        n_tries = 0
+
+        def work(connection: Connection) -> bool:
+            nonlocal n_tries
+            n_tries += 1
+            if connection.execute(self._keep, row).rowcount == 1:
+                return True
+            if n_tries == 1:
+                return False
+            # A server that died before it answered may have kept it at an earlier try.
+            kept = select(*(MATCHES.c[name] for name in row)).where(MATCHES.c.identity == outcome.identity)
+            return dict(connection.execute(kept).one()._mapping) == row
+
+        return self._do("write to", work, league.name)
 
     def outcomes(self, league: StoredLeague) -> list[Outcome]:
         """Return a league's results, sorted by identity: in whatever order they came, they are told alike."""
-        query = select(_MATCHES).where(_MATCHES.c.league_id == league.id).order_by(_MATCHES.c.identity)
-        with self._saying("read"), self._engine.connect() as connection:
-            return [_outcome(row) for row in connection.execute(query)]
+        query = select(MATCHES).where(MATCHES.c.league_id == league.id)
+        rows = self._do("read", lambda connection: connection.execute(query).all())
+        return sorted((_outcome(row) for row in rows), key=lambda outcome: outcome.identity)  # databases sort by their locale
 
     def identities(self, league: StoredLeague) -> set[str]:
         """Return what was played."""
-        with self._saying("read"), self._engine.connect() as connection:
-            return set(connection.scalars(select(_MATCHES.c.identity).where(_MATCHES.c.league_id == league.id)))
+        query = select(MATCHES.c.identity).where(MATCHES.c.league_id == league.id)
+        return self._do("read", lambda connection: set(connection.scalars(query)))
 
     def count(self, league: StoredLeague) -> int:
         """Return how many results a league has."""
-        query = select(func.count()).where(_MATCHES.c.league_id == league.id)
-        with self._saying("read"), self._engine.connect() as connection:
-            return int(connection.scalar(query) or 0)
+        query = select(func.count()).where(MATCHES.c.league_id == league.id)
+        return self._do("read", lambda connection: int(connection.scalar(query) or 0))
 
 
-_KEEP = insert(_MATCHES).on_conflict_do_nothing(index_elements=["identity"])
+@contextmanager
+def _lock_file(where: str, league: str) -> Iterator[None]:
+    """Hold a league's lock file, beside the file of its store; in memory, nobody else can come."""
+    if where == ":memory:":
+        yield
+        return
+    path = Path(f"{os.path.realpath(where.removeprefix('file:').partition('?')[0])}.{league}.lock")
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as error:
+        raise StoreError(f"cannot lock the league with {path}: {error.strerror}") from error
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise TakenError(league, str(path)) from error
+        yield
+    finally:
+        os.close(descriptor)
 
 
-def _connect(url: Any, where: str) -> Engine:
-    engine = create_engine(url)
+class _LockedSession:
+    """A league's lock in PostgreSQL, and the session that holds it; when the session dies, so does the lock."""
 
-    @event.listens_for(engine, "connect")
-    def prepare(connection: Any, _: object) -> None:
-        connection.execute("PRAGMA foreign_keys = ON")
-        connection.execute("PRAGMA synchronous = NORMAL")  # outlives the process; a power cut may cost the last results
-        if os.access(where, os.W_OK) or not Path(where).exists():
-            connection.execute("PRAGMA journal_mode = WAL")
+    def __init__(self, engine: Engine, where: str, league: str) -> None:
+        self._engine, self._where, self._league = engine, where, league
+        self._number = number(f"arena league {league}")
+        self._one_at_a_time = RLock()
+        self._connection: Connection | None = None
 
-    return engine
+    @contextmanager
+    def use(self) -> Iterator[Connection]:
+        """Lend the session, for one thread at a time; a dead one is followed by a new one that takes the lock again."""
+        with self._one_at_a_time:
+            if self._connection is None or self._connection.invalidated:
+                self.release()
+                self._connection = self._take()
+            yield self._connection
+
+    def _take(self) -> Connection:
+        # Every statement commits by itself, so that no transaction stays open between two matches.
+        connection = self._engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+        try:
+            with connection.begin():
+                # The server is to notice within a minute, too, that this machine vanished.
+                for name, seconds in (("idle", 30), ("interval", 10), ("count", 3)):
+                    connection.execute(text(f"SET tcp_keepalives_{name} = {seconds}"))
+                if not connection.scalar(select(func.pg_try_advisory_lock(self._number))):
+                    raise TakenError(self._league, f"its lock in {self._where}")
+        except BaseException:
+            connection.close()
+            raise
+        return connection
+
+    def release(self) -> None:
+        """Let the lock go."""
+        connection, self._connection = self._connection, None
+        if connection is None:
+            return
+        with suppress(DatabaseError):
+            if not connection.invalidated:
+                with connection.begin():
+                    connection.execute(select(func.pg_advisory_unlock(self._number)))
+        connection.close()
+
+
+def _clean(words: str) -> str:
+    """Replace what a text in PostgreSQL cannot hold, and what is no text: a reason may quote a stranger."""
+    return words.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode()
 
 
 def _pack(seat: SeatOutcome) -> dict[str, Any]:
