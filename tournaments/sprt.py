@@ -1,7 +1,7 @@
 """Is one entry better than another? The pentanomial sequential test answers in as few pairs as it takes.
 
-A pair brings one of five scores, 0 to 2 in halves, so the luck of a map that favours a side cancels within it. The test weighs two
-claims about the expected score of a match, `H0: expected_score(elo0)` and `H1: expected_score(elo1)`, by the generalised log
+A pair brings one of five scores, 0 to 2 in halves, so the luck of a map that favours a side cancels within it. The test weighs
+two claims about the expected score of a match, `H0: expected_score(elo0)` and `H1: expected_score(elo1)`, by the generalised log
 likelihood ratio: each claim is given the likeliest distribution of the five scores that has the claimed mean,
 
     p[k] = seen[k] / (1 + t * (score[k] - mean)),   with t such that  sum(p[k] * (score[k] - mean)) = 0
@@ -12,11 +12,12 @@ and goes on while `log(beta / (1 - alpha)) < llr < log((1 - beta) / alpha)` (Wal
 
 Notes
 -----
-Source: M. Van den Bergh, "The generalized maximum likelihood ratio for the expectation value of a distribution" (Proposition 1.1,
-cantate.be/Fishtest/support_MLE_multinomial.pdf), as fishtest tests Stockfish with; X. Li, J. Liu, Z. Ying, "Generalized sequential
-probability ratio test for separate families of hypotheses", 2014, for its asymptotic optimality. The shortcut with the sample
-variance, `n * (s1 - s0) * (2 * s - s0 - s1) / (2 * variance)`, was left out: it decides after two pairs that went alike, as their
-variance is 0, where the likelihood of bounded scores stays modest.
+Source: M. Van den Bergh, "The generalized maximum likelihood ratio for the expectation value of a distribution", Proposition 1.1
+(cantate.be/Fishtest/support_MLE_multinomial.pdf), as fishtest tests Stockfish with. X. Li, J. Liu and Z. Ying, "Generalized
+sequential probability ratio test for separate families of hypotheses", 2014, for why such a test takes the fewest pairs.
+
+The shortcut with the sample variance, `n * (s1 - s0) * (2 * s - s0 - s1) / (2 * variance)`, was left out: it decides after two
+pairs that went alike, as their variance is 0, where the likelihood of bounded scores stays modest.
 """
 
 from collections import defaultdict
@@ -52,7 +53,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sprt:
-    """A test and what it has seen: all of it numbers, so that `dataclasses.asdict` is its state for JSON and `Sprt(**state)` restores it.
+    """A test and what it has seen. All of it is numbers: `dataclasses.asdict` is its state for JSON, `Sprt(**state)` restores it.
 
     Errors
     ------
@@ -182,8 +183,8 @@ def expected_n_pairs(elo: float, *, elo0: float, elo1: float, deviation: float, 
 
     Notes
     -----
-    Source: Wald, 1947, for a Brownian motion with the drift and variance of the log likelihood ratio per pair; overshoot is left out,
-    so a short test takes more.
+    Source: Wald, 1947, for a Brownian motion with the drift and variance of the log likelihood ratio per pair. Overshoot is left
+    out, so a short test takes more.
     """
     score, score0, score1 = (expected_score(value) for value in (elo, elo0, elo1))
     drift = (score1 - score0) * (2 * score - score0 - score1) / (2 * deviation**2)
