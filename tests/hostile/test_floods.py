@@ -279,7 +279,7 @@ def honest_journal(folder: Path) -> Path:
 def test_junk_on_every_key_changes_no_match_and_leaves_nothing_behind(
     serve: Start, join: Start, stranger: Callable[[], Any], size: Size, tmp_path: Path
 ) -> None:
-    n_ticks, n_each = size(600, 6_000), size(1_000, 100_000)
+    n_ticks, n_each = size(600, 6_000), size(1_000, 20_000)  # on five kinds of keys
     pit, clients = play_two(serve, join, tmp_path / "quiet", n_ticks, 1)
     (tmp_path / "quiet" / "go").touch()
     assert [process.finish() for process in (*clients, pit)] == [0, 0, 0]
@@ -392,9 +392,9 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
     """The turns of one match are timed, before the flood and in it, and the medians compared.
 
     Those who flood stand for other machines, so they yield to the pit where cores are few (`nice`). At the full size, which wants
-    two cores to itself, they still send what they should, and by invitation a turn takes at most twice its time. In an open
-    pit the strangers are players: some 80 matches a second begin for them, and three times is allowed (measured: 1.7 to 2.4). The
-    small size shares its cores with other tests, which may leave it but a part of the rate: its bounds are looser.
+    two cores to itself, they still send what they should, and a turn takes at most twice its time; in an open pit the strangers are
+    players, and some 80 matches a second begin for them (measured: 1.3 to 1.5 times, and 2.4 once beside other work). The small
+    size shares its cores with other tests, which may leave it but a part of the rate: its bounds are looser.
     """
     n_ticks, flood_s, most_times = size(1_500, 4_000), size(2, 10), size(4, 2)
     codes = [f"code-{number}" for number in range(6)]
