@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tournaments.scheduler import Folders
     from tournaments.store import StoredLeague
 
-FORMATS = ("text", "html", "json")
+FORMATS = ("text", "html", "md", "csv", "json")
 
 
 def complete_league(incomplete: str) -> list[str]:
@@ -300,9 +300,11 @@ def _one_of(option: str, value: str, known: tuple[str, ...]) -> str:
 
 def _render(report: "Report", form: str, page: Path, journals: Path) -> str:
     from tournaments.page import to_html
-    from tournaments.report import to_json, to_text
+    from tournaments.report import to_csv, to_json, to_markdown, to_text
 
-    return to_html(report, page, journals) if form == "html" else to_json(report) if form == "json" else to_text(report)
+    if form == "html":
+        return to_html(report, page, journals)
+    return {"text": to_text, "md": to_markdown, "csv": to_csv, "json": to_json}[form](report)
 
 
 def _show(report: "Report", form: str, out: Path | None, journals: Path) -> None:

@@ -1,12 +1,12 @@
 """A league's report as one HTML file: nothing is fetched for it, and names are text wherever they stand."""
 
 import os
-from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass
+from base64 import b64encode
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
+from hashlib import sha256
 from importlib.resources import files
-from math import ceil, floor
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -15,34 +15,24 @@ from jinja2 import Environment, StrictUndefined, Template
 
 from arena.game.types import Team
 from arena.records.journal import journal_name
+from tournaments.charts import heat_map, rating_plot, say_record, side_plot
 from tournaments.outcome import Outcome
-from tournaments.report import Report, rank_range, summary
+from tournaments.report import Report, fault_kinds, rank_range, warnings
+from tournaments.standings import Standing
+from tournaments.store import StoredLeague
 
-MOST_LISTED = 3_000
-"""Matches that a page lists, each with a link to its journal; of more, it names the folder alone."""
-_ROW_PX = 40
-_STEPS = (10, 20, 50, 100, 200, 500, 1_000, 2_000, 5_000)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mark:
-    """An entry on the rating plot; places are in percent of the plot's width."""
-
-    label: str
-    value: str
-    low: float
-    middle: float
-    high: float
-    y: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plot:
-    """The rating plot."""
-
-    marks: list[Mark]
-    ticks: list[tuple[float, str]]
-    height: int
+MOST_LISTED = 600
+"""Matches whose lists stand in the page; those of more are written by its script, a fixture's when its cell is chosen."""
+_MEANINGS = {
+    "forfeits": "matches lost by not being there, or by too many missed turns",
+    "late": "turns without an answer in time",
+    "unreadable": "answers that were not one legal action per unit",
+    "stale": "messages for another tick, or a second answer",
+    "garbled": "messages that were none",
+    "forged": "messages that somebody else sent in its name",
+    "vanished": "lost connections",
+    "raised": "turns on which its own code failed",
+}
 
 
 def to_html(report: Report, page: Path, journals: Path) -> str:
@@ -55,71 +45,91 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
     journals
         The folder of the league's journals.
     """
-    way = os.path.relpath(journals, page.parent)
-    rows = report.standings.rows
-    kinds = list(rows[0].faults) if rows else []
+    standings = report.standings
+    folder = _url(os.path.relpath(journals, page.parent)) + "/"
+    kinds = ["forfeits", *fault_kinds(standings.rows)]
+    failures = [kind for kind in kinds if any(_failures(row)[kind] for row in standings.rows)]
+    fixtures = _fixtures(report.outcomes)
+    is_listed = standings.n_matches <= MOST_LISTED
+    letters = {} if is_listed else {pair: _letters(report.league, pair, fixtures[pair]) for pair in fixtures}
     return _template().render(
         report=report,
         league=report.league,
-        standings=report.standings,
-        rows=rows,
-        kinds=kinds,
-        plot=_plot(report),
-        lines=summary(report),
-        fixtures=list(_fixtures(report, way)) if report.standings.n_matches <= MOST_LISTED else [],
-        journals_url=_url(way) + "/",
+        standings=standings,
+        rows=standings.rows,
+        failures=failures,
+        absent=[kind for kind in kinds if kind not in failures],
+        meanings=defaultdict(str, _MEANINGS),
+        counts=lambda row: [_failures(row)[kind] for kind in failures],
+        plot=rating_plot(standings.rows),
+        side=side_plot(standings.side),
+        sides=(("blue", standings.side.blue_wins), ("drawn", standings.side.draws), ("red", standings.side.red_wins)),
+        heat=heat_map(standings),
+        warnings=warnings(report),
+        fixtures=[_list(report, pair, fixtures[pair], folder) for pair in fixtures] if is_listed else [],
+        numbers={pair: number for number, pair in enumerate(fixtures) if is_listed or letters[pair] is not None},
+        letters=letters,
+        folder=folder,
         rank_range=rank_range,
-        has_latency=any(row.latency for row in rows),
+        has_latency=any(row.latency for row in standings.rows),
     )
 
 
 @cache
 def _template() -> Template:
-    text = (files("tournaments") / "templates" / "report.html").read_text(encoding="utf-8")
-    return Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True).from_string(text)
+    """Return the template, with its style and its script in it; no other script will run in the page."""
+    here = files("tournaments") / "templates"
+    page, style, script = ((here / name).read_text(encoding="utf-8") for name in ("report.html", "report.css", "report.js"))
+    room = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    room.globals.update(
+        style=style,
+        script=script,
+        script_hash=b64encode(sha256(script.encode()).digest()).decode(),
+    )
+    return room.from_string(page)
 
 
-def _plot(report: Report) -> Plot:
-    ratings = [row.rating for row in report.standings.rows]
-    low = min((rating.elo_low for rating in ratings), default=0.0)
-    high = max((rating.elo_high for rating in ratings), default=0.0)
-    step = next((step for step in _STEPS if (high - low) / step <= 6), _STEPS[-1])
-    first, last = step * floor(low / step), step * max(ceil(high / step), floor(low / step) + 1)
-
-    def place(elo: float) -> float:
-        return round(4 + 92 * (elo - first) / (last - first), 2)
-
-    marks = [
-        Mark(
-            label=f"{rank_range(row)}. {row.name}",
-            value=f"{row.rating.elo:+.0f}",
-            low=place(row.rating.elo_low),
-            middle=place(row.rating.elo),
-            high=place(row.rating.elo_high),
-            y=_ROW_PX * number,
-        )
-        for number, row in enumerate(report.standings.rows)
-    ]
-    ticks = [(place(elo), f"{elo:+d}" if elo else "0") for elo in range(first, last + 1, step)]
-    return Plot(marks=marks, ticks=ticks, height=_ROW_PX * len(marks))
+def _failures(row: Standing) -> Counter[str]:
+    return Counter({"forfeits": row.forfeits, **row.faults})
 
 
-def _fixtures(report: Report, way: str) -> Iterator[dict[str, Any]]:
-    """Yield each fixture with its matches, and where their journals lie."""
-    fixtures: defaultdict[tuple[str, ...], list[Outcome]] = defaultdict(list)
-    for outcome in report.outcomes:
-        fixtures[tuple(sorted((outcome.blue, outcome.red)))].append(outcome)
-    for (one, other), outcomes in sorted(fixtures.items()):
-        record = report.standings.cross[one, other]
-        yield {
-            "one": one,
-            "other": other,
-            "record": record,
-            "matches": [
-                {"outcome": outcome, "says": _say(outcome), "url": f"{_url(way)}/{_url(journal_name(outcome.identity))}"}
-                for outcome in outcomes
-            ],
-        }
+def _fixtures(outcomes: Iterable[Outcome]) -> Mapping[tuple[str, str], Sequence[Outcome]]:
+    """Return the matches of every two entries, sorted."""
+    fixtures: defaultdict[tuple[str, str], list[Outcome]] = defaultdict(list)
+    for outcome in outcomes:
+        one, other = sorted((outcome.blue, outcome.red))
+        fixtures[one, other].append(outcome)
+    return dict(sorted(fixtures.items()))
+
+
+def _list(report: Report, pair: tuple[str, str], outcomes: Sequence[Outcome], folder: str) -> dict[str, Any]:
+    """Return a fixture with its matches, and where their journals lie."""
+    return {
+        "pair": pair,
+        "says": " v ".join(pair) + ": " + say_record(report.standings.cross[pair]),
+        "matches": [
+            {"outcome": outcome, "says": _say(outcome), "url": folder + _url(journal_name(outcome.identity))}
+            for outcome in outcomes
+        ],
+    }
+
+
+def _letters(league: StoredLeague, pair: tuple[str, str], outcomes: Sequence[Outcome]) -> str | None:
+    """Return how the first of two entries fared in each match, a letter each; None where the script could not name the journals.
+
+    A pair of matches has two letters, the first for the match that the first entry played as blue; `-` was not played.
+    """
+    one, other = pair
+    names = [f"{league.name}/{one}/{other}/{number:04}/{blue}-blue/0" for number in range(league.n_pairs) for blue in pair]
+    found = {outcome.identity: _letter(outcome, one) for outcome in outcomes}
+    if not found.keys() <= set(names) or any(journal_name(name) != name.replace("/", "+") + ".journal" for name in found):
+        return None
+    return "".join(found.get(name, "-") for name in names).rstrip("-")
+
+
+def _letter(outcome: Outcome, entry: str) -> str:
+    own = Team.BLUE if outcome.blue == entry else Team.RED
+    return "d" if outcome.winner is None else "w" if outcome.winner is own else "l"
 
 
 def _say(outcome: Outcome) -> str:

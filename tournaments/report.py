@@ -1,13 +1,16 @@
-"""A league's report: its facts as one JSON document, and its leaderboard as text. `tournaments.page` makes the HTML of it.
+"""A league's report: its facts as one JSON document, its leaderboard as text, Markdown and CSV; `tournaments.page` makes HTML.
 
 The same results give the same document to the byte, however often the league was stopped on its way: what a clock measured, and
 when the report was written, stands under the one key `wall`.
 """
 
+import csv
 import json
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from io import StringIO
 from typing import Any
 
 from arena.console import format_table
@@ -32,6 +35,8 @@ class Report:
     secret: bytes | None
     """The league's, once its last match is over."""
     written_at: datetime
+    findings: tuple[str, ...] = ()
+    """Sentences on what a reader should beware of, beside those that `warnings` finds itself."""
 
     @property
     def is_complete(self) -> bool:
@@ -40,7 +45,12 @@ class Report:
 
 
 def make_report(
-    league: StoredLeague, outcomes: Iterable[Outcome], secret: bytes | None = None, *, n_draws: int = N_DRAWS
+    league: StoredLeague,
+    outcomes: Iterable[Outcome],
+    secret: bytes | None = None,
+    *,
+    n_draws: int = N_DRAWS,
+    findings: Iterable[str] = (),
 ) -> Report:
     """Return the report of a league; its secret is told only if every match was played."""
     outcomes = tuple(outcomes)
@@ -53,6 +63,7 @@ def make_report(
         n_planned=n_planned,
         secret=secret if len(outcomes) >= n_planned else None,
         written_at=datetime.now(UTC),
+        findings=tuple(findings),
     )
 
 
@@ -128,7 +139,7 @@ def to_json(report: Report) -> str:
 def leaderboard(report: Report) -> tuple[Sequence[str], list[Sequence[object]]]:
     """Return the columns and rows of the leaderboard; a kind of failure that nobody had takes no room."""
     rows = report.standings.rows
-    kinds = [kind for kind in (rows[0].faults if rows else ()) if any(row.faults.get(kind) for row in rows)]
+    kinds = [kind for kind in fault_kinds(rows) if any(row.faults.get(kind) for row in rows)]
     forfeits = ["forfeits"] if any(row.forfeits for row in rows) else []
     latency = ["p50 ms", "p99 ms"] if any(row.latency for row in rows) else []
     columns = ("rank", "entry", "Elo", "95% interval", "score", "wins", "draws", "losses", *forfeits, *kinds, *latency)
@@ -150,6 +161,11 @@ def leaderboard(report: Report) -> tuple[Sequence[str], list[Sequence[object]]]:
     ]
 
 
+def fault_kinds(rows: Iterable[Standing]) -> list[str]:
+    """Return every kind of failure that is counted, in the order of a report's columns."""
+    return list(dict.fromkeys(kind for row in rows for kind in row.faults))
+
+
 def rank_range(row: Standing) -> str:
     """Return a rank as what is known of it, as in `2 to 4`."""
     low, high = row.rating.rank_low, row.rating.rank_high
@@ -160,6 +176,15 @@ def _milliseconds(row: Standing) -> tuple[str, str]:
     if row.latency is None:
         return "-", "-"
     return f"{1_000 * row.latency.p50_s:.1f}", f"{1_000 * row.latency.p99_s:.1f}"
+
+
+def warnings(report: Report) -> list[str]:
+    """Return what a reader should beware of, a sentence each."""
+    side = report.standings.side
+    favoured = "blue" if side.bias > 0 else "red"
+    share = 100 * (1 + abs(side.bias)) / 2
+    unfair = f"{favoured} is favoured: it takes {share:.1f}% of the points, and the 95% interval of its lead excludes 0"
+    return [*([unfair] if side.is_significant else []), *report.findings]
 
 
 def summary(report: Report) -> list[str]:
@@ -175,6 +200,11 @@ def summary(report: Report) -> list[str]:
             f"blue won {side.blue_wins:,}, red won {side.red_wins:,}; blue's points less red's {side.bias:+.3f} a match "
             f"({side.bias_low:+.3f} to {side.bias_high:+.3f}): {verdict}"
         )
+        lines.append(
+            f"drawn {side.draws:,} ({side.draws / standings.n_matches:.1%}); "
+            f"two of equal strength would draw {standings.draw_rate:.1%} of their matches"
+        )
+    lines += [f"warning: {sentence}" for sentence in warnings(report)]
     if not report.is_complete:
         lines.append("the league is not over: arena tournament run goes on with it")
     return lines
@@ -183,3 +213,32 @@ def summary(report: Report) -> list[str]:
 def to_text(report: Report) -> str:
     """Return the leaderboard and its summary as plain text."""
     return format_table(*leaderboard(report)) + "\n".join(summary(report)) + "\n"
+
+
+def to_markdown(report: Report) -> str:
+    """Return the leaderboard and its summary as Markdown."""
+    columns, rows = leaderboard(report)
+    marks = ("---" if column == "entry" else "---:" for column in columns)
+    table = (columns, marks, *([_plain(str(cell)) for cell in row] for row in rows))
+    lines = [f"# {_plain(report.league.name)}", "", *(f"| {' | '.join(cells)} |" for cells in table), ""]
+    return "\n".join((*lines, *(f"- {_plain(line)}" for line in summary(report)))) + "\n"
+
+
+def _plain(text: str) -> str:
+    """Escape what Markdown would take for more than text."""
+    return re.sub(r"([\\`*_{}\[\]<>#|~&!])", r"\\\1", " ".join(text.split()))
+
+
+def to_csv(report: Report) -> str:
+    """Return the leaderboard as CSV: a row for each entry, an empty cell for what is not known."""
+    standings = report.standings.rows
+    facts = [_row(row) for row in standings]
+    columns = [name for name in (facts[0] if facts else ()) if name != "faults"]
+    kinds = fault_kinds(standings)
+    text = StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow((*columns, *kinds, "latency_p50_s", "latency_p99_s"))
+    for row, fact in zip(standings, facts, strict=True):
+        latency = (None, None) if row.latency is None else (_round(row.latency.p50_s, 6), _round(row.latency.p99_s, 6))
+        table.writerow((*(fact[name] for name in columns), *(row.faults.get(kind, 0) for kind in kinds), *latency))
+    return text.getvalue()

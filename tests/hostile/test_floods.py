@@ -391,10 +391,10 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
 ) -> None:
     """The turns of one match are timed, before the flood and in it, and the medians compared.
 
-    Those who flood stand for other machines, so they yield to the pit where cores are few (`nice`). At the full size, which wants
-    two cores to itself, they still send what they should, and a turn takes at most twice its time; in an open pit the strangers
-    are players, and some 80 matches a second begin for them (measured: 1.3 to 1.5 times, and 2.4 once beside other work). The small
-    size shares its cores with other tests, which may leave it but a part of the rate: its bounds are looser.
+    Those who flood stand for other machines, so they yield to the pit where cores are few (`nice`). At the full size, which
+    wants two cores to itself, they still send what they should, and a turn takes at most twice its time; in an open pit the
+    strangers are players, and some 80 matches a second begin for them (measured: 1.3 to 1.5 times, and 2.4 once beside other
+    work). The small size shares its cores with other tests, which may leave it but a part of the rate: its bounds are looser.
     """
     n_ticks, flood_s, most_times = size(1_500, 4_000), size(2, 10), size(4, 2)
     codes = [f"code-{number}" for number in range(6)]

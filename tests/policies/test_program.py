@@ -1,7 +1,9 @@
 """Programs as bots: real processes that read and write JSON lines."""
 
 import json
+import os
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -29,6 +31,7 @@ for line in sys.stdin:
     if message["type"] == "observation":
         {answer}
 """
+WAIT_S = 60.0
 Sit = Callable[[str], BatchPolicy]
 
 
@@ -50,7 +53,12 @@ def ask(policy: BatchPolicy, games: Games) -> list[int]:
     return [int(order) for order in orders[0]]
 
 
-def heard(folder: Path) -> list[dict[str, object]]:
+def heard(folder: Path, n_lines: int = 0) -> list[dict[str, object]]:
+    """Return what the program was told, once it has read so many lines."""
+    end_s = time.monotonic() + WAIT_S
+    while (folder / "log").read_text().count("\n") < n_lines:
+        assert time.monotonic() < end_s
+        os.sched_yield()
     return [json.loads(line) for line in (folder / "log").read_text().splitlines()]
 
 
@@ -67,7 +75,7 @@ def test_a_program_sees_what_a_bot_sees_and_moves_its_units(sit: Sit, games: Gam
     assert ask(policy, games) == [1, 2, 3, 4, 0, 1]
     policy.end(0, WON)
 
-    _, start, seen = heard(tmp_path)[:3]
+    _, start, seen = heard(tmp_path, 3)[:3]
     assert (start["type"], start["team"]) == ("start", "red")
     expected = games.observe()[Team.RED].seat(0, PAPER)
     assert seen["ground"] == expected.ground.tolist()
@@ -83,7 +91,7 @@ def test_one_process_plays_match_after_match(sit: Sit, games: Games, tmp_path: P
         ask(policy, games)
         policy.end(0, WON)
 
-    said = heard(tmp_path)
+    said = heard(tmp_path, 10)
     assert [message.get("type", "pid") for message in said] == ["pid", *["start", "observation", "end"] * 3]
     assert said[-1] == {"type": "end", "ending": "capture", "winner": "red", "score": 100, "ticks": 3, "reason": ""}
 
