@@ -42,6 +42,7 @@ MOST_SUSPECT = 512
 """Messages of a seat that do not open, in a sweep; what comes beyond is not tried."""
 FAREWELL_S = 2.0
 """How long a match that is over waits for its receipts."""
+_MOST_JUNK = 256  # messages beyond one from each seat that are heard before something else is done
 _SWEEP_S = 0.01
 _LOBBY_S = 0.5
 _MOST_ASKED = 16
@@ -185,8 +186,8 @@ class Referee:
             self._carry_out(table, table.match.leave(team, now_s))
 
     def hear_orders(self) -> None:
-        """Take what the seats have said by now."""
-        for _ in range(MOST_WAITING):
+        """Take what the seats have said by now; not what they answer to that, or it would never end where all are quick."""
+        for _ in range(2 * len(self.tables) + _MOST_JUNK):
             sample = self._actions.take()
             if sample is None:
                 return
