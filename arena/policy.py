@@ -43,6 +43,16 @@ class MatchResult:
     reason: str = ""
     """Why, where a match was forfeited or void."""
 
+    def in_words(self) -> dict[str, Any]:
+        """Return the facts as journals, messages and programs carry them."""
+        return {
+            "ending": self.ending.name.lower(),
+            "winner": None if self.winner is None else self.winner.name.lower(),
+            "score": self.score,
+            "ticks": self.ticks,
+            "reason": self.reason,
+        }
+
 
 class Policy(Protocol):
     """A fighter with memory, for one seat of one match; `start` and `end` may be left out."""

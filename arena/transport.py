@@ -80,12 +80,15 @@ class Session:
 
     def publisher(self, key: str) -> tuple[Put, Callable[[], None]]:
         """Return what publishes on `key`, and what ends it."""
-        publisher = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
+        publisher = self._declare_publisher(key)
         return publisher.put, publisher.undeclare
 
     def broadcast(self, key: str) -> "Broadcast":
         """Return what publishes on `key`, and knows whether anybody listens."""
-        return Broadcast(self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK, express=True))
+        return Broadcast(self._declare_publisher(key))
+
+    def _declare_publisher(self, key: str) -> zenoh.Publisher:
+        return self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
 
     def subscribe(self, key: str, on_sample: Callable[[Sample], None]) -> Callable[[], None]:
         """Pass on every sample of `key`, on a thread of Zenoh's, so it may only be enqueued; return what ends it."""

@@ -8,12 +8,11 @@ from dataclasses import replace
 from functools import partial
 
 from arena.errors import JournalError, ProtocolError
-from arena.game.types import Team
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.facts import check_journal, commit
 from arena.protocol.messages import JournalPiece, JournalRequest, Refusal, Wait
-from arena.records.journal import Mark, match_id, read_journal
+from arena.records.journal import match_id, read_journal
 from arena.transport import Session
 from clients.seat import Seat
 
@@ -67,10 +66,8 @@ def audit(seat: Seat, data: bytes, pit_key: bytes) -> Verdict:
     receipt = seals.receipts.get(seat.team)
     if receipt is not None and receipt.head != seat.head:
         return False, "the journal has another receipt than this seat gave"
-    units = len(seat.ruleset.team(Team.BLUE))
-    own = slice(0, units) if seat.team is Team.BLUE else slice(units, None)
-    for tick, (record, answer) in enumerate(zip(journal.ticks, seat.answers, strict=False)):
-        if not record.marks[seat.team] & (Mark.LATE | Mark.UNREADABLE) and record.orders[own] != answer:
+    for tick, answer in enumerate(seat.answers):
+        if not journal.keeps(tick, seat.team, answer):
             return False, f"at tick {tick} the journal has other orders than this seat gave"
     if len(seat.answers) > len(journal.ticks) + 1:
         return False, "the journal lacks ticks that this seat played"

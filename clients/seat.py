@@ -3,6 +3,9 @@
 The policy is asked once for each tick, whatever is sent twice, lost, or told again after a restart of either side.
 """
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from arena.errors import UnreadableError
@@ -29,8 +32,13 @@ def read_ticket(ticket: Ticket) -> tuple[Ruleset, Team]:
     """
     if ticket.team not in tuple(Team) or not is_chunk(ticket.match):
         raise UnreadableError(f"the ticket is for team {ticket.team} in match {ticket.match!r}")
-    values = dict(ticket.ruleset)
-    return from_dict(str(values.pop("name", "unnamed")), values), Team(ticket.team)
+    return read_rules(ticket.ruleset), Team(ticket.team)
+
+
+def read_rules(values: Mapping[str, Any]) -> Ruleset:
+    """Return the ruleset of a ticket or a lobby; `InputError` if it is none that this version knows."""
+    rest = dict(values)
+    return from_dict(str(rest.pop("name", "unnamed")), rest)
 
 
 class Seat:

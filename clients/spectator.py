@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from arena.address import Address
 from arena.errors import ForgedError, LostPitError, ProtocolError, UnreadableError
-from arena.game.ruleset import Ruleset, from_dict
+from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.protocol import topics
 from arena.protocol.codec import decode
@@ -21,6 +21,7 @@ from arena.protocol.sealing import Opener, truth_opener
 from arena.protocol.sight import Reader
 from arena.transport import Sample, Session, open_client, read_key, read_payload
 from clients.lobby import ask_challenge, ask_lobby
+from clients.seat import read_rules
 
 SALT_BYTES = 32
 MOST_WAITING = 1_000
@@ -116,8 +117,7 @@ def watch(
         session.subscribe(topics.all_public(address.pit), partial(_enqueue, heard, False))
         if spectator_key is not None:
             session.subscribe(topics.all_truths(address.pit), partial(_enqueue, heard, True))
-        values = dict(_look(session, address, pit_key, match).ruleset)
-        ruleset = from_dict(str(values.pop("name", "unnamed")), values)
+        ruleset = read_rules(_look(session, address, pit_key, match).ruleset)
         while True:
             try:
                 is_truth, sample = heard.get(timeout=_SILENCE_S)

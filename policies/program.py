@@ -109,10 +109,7 @@ class ProgramBot:
 
     def end(self, result: MatchResult) -> None:
         """Tell it how the match ended; it is kept for the next."""
-        winner = None if result.winner is None else result.winner.name.lower()
-        ending = result.ending.name.lower()
-        facts = {"ending": ending, "winner": winner, "score": result.score, "ticks": result.ticks, "reason": result.reason}
-        self._tell({"type": "end", **facts})
+        self._tell({"type": "end", **result.in_words()})
         if self._program is not None:
             self._idle.append(self._program)
             self._program = None

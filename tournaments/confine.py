@@ -31,6 +31,9 @@ class Limits:
     """Of the user in all, threads included, as the kernel counts them; root is not counted."""
 
 
+NO_LIMITS = Limits()
+
+
 class Confined:
     """A running command, its output appended to a log. Our compiled kernels are shared with it, which saves it half a minute."""
 

@@ -21,7 +21,7 @@ from arena.protocol.topics import is_chunk
 from arena.referee.match import Terms
 from policies.program import PREFIX
 from policies.registry import names
-from tournaments.confine import Limits
+from tournaments.confine import NO_LIMITS, Limits
 
 LEAGUES = ("starter",)
 VENUES = ("network", "local")
@@ -35,7 +35,6 @@ _KEYS = (
 
 
 _TERMS = Terms()
-_NO_LIMITS = Limits()
 
 
 class LeagueError(InputError):
@@ -63,7 +62,7 @@ class League:
     terms: Terms = _TERMS
     slots: int = 8
     """Seats that the process of an entry holds at once."""
-    limits: Limits = _NO_LIMITS
+    limits: Limits = NO_LIMITS
     """For each process of an entry, in the venue `network`."""
 
     @cached_property

@@ -87,7 +87,8 @@ class Scheduler:
         league = self._league
         setting = Setting(
             ruleset=league.ruleset, entries=league.entries, terms=league.terms, slots=league.slots,
-            journals=self._folders.journals(league.name), keys=self._folders.keys / league.name, limits=league.limits,
+            journals=self._folders.journals(league.name), keys=self._folders.keys / league.name,
+            homes=self._folders.data / "homes" / league.name, limits=league.limits,
         )  # fmt: skip
         left = {plan.identity: plan for plan in self.left}
         for _ in range(MOST_ROUNDS):

@@ -30,7 +30,7 @@ from arena.referee.service import Played, Referee
 from arena.referee.table import House
 from arena.transport import free_port, open_router
 from policies.registry import load_entry
-from tournaments.confine import Confined, Limits
+from tournaments.confine import NO_LIMITS, Confined, Limits
 from tournaments.outcome import Outcome, SeatOutcome
 
 MOST_RESTARTS = 3
@@ -39,9 +39,6 @@ _PIT = "league"
 _POLL_S = 0.2
 _PATIENCE_S = 20
 _GOODBYE_S = 5
-
-
-NO_LIMITS = Limits()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +54,8 @@ class Setting:
     journals: Path
     keys: Path
     """Folder for the keys of the pit and of the entries: whoever is started anew is still who it was."""
+    homes: Path
+    """Folder for the homes of the entries' processes."""
     limits: Limits = NO_LIMITS
     """For each process of an entry."""
 
@@ -162,7 +161,7 @@ class _ClientProcess:
     def __init__(self, setting: Setting, address: Address, name: str) -> None:
         self.name = name
         self._log = setting.journals / f"{name}.log"
-        self._limits, self._home = setting.limits, setting.keys.parent.parent / "homes" / setting.keys.name / name
+        self._limits, self._home = setting.limits, setting.homes / name
         self._command = [
             sys.executable,
             "-P",

@@ -10,6 +10,8 @@ from arena.protocol.identity import Identity, verify
 from arena.protocol.messages import Commitment, Ended, Lobby, Receipt, Signed
 
 _FACT, _RECEIPT, _JOURNAL = "fact", "receipt", "journal"
+HEAD_BYTES = 32
+"""Of a transcript."""
 Fact = Commitment | Ended | Lobby
 
 
@@ -39,7 +41,9 @@ def sign_receipt(identity: Identity, match: str, team: Team, n_shown: int, head:
 
 
 def check_receipt(entry: bytes, match: str, team: Team, receipt: Receipt) -> None:
-    """Check who gave a receipt; whether its head is true, the journal tells."""
+    """Check who gave a receipt, and that it fits a journal; whether its head is true, the journal tells."""
+    if len(receipt.head) != HEAD_BYTES or not 0 <= receipt.n_shown < 1 << 32:
+        raise ForgedError("a receipt is of no transcript")
     verify(entry, _RECEIPT, _receipted(match, team, receipt.n_shown, receipt.head), receipt.signature)
 
 

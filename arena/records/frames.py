@@ -117,14 +117,7 @@ def read_header(data: bytes, kind: str, make: Callable[[dict[str, Any], Ruleset]
 
 def pack_ending(result: MatchResult) -> bytes:
     """Return the bytes of how a match ended."""
-    values = {
-        "ending": result.ending.name.lower(),
-        "winner": None if result.winner is None else result.winner.name.lower(),
-        "score": result.score,
-        "ticks": result.ticks,
-        "reason": result.reason,
-    }
-    return bytes(msgpack.packb(values))
+    return bytes(msgpack.packb(result.in_words()))
 
 
 def read_ending(data: bytes, kind: str) -> MatchResult:

@@ -141,6 +141,14 @@ class Journal:
     canonical: bytes
     """Its bytes without what is not canonical."""
 
+    def keeps(self, tick: int, team: Team, orders: bytes) -> bool:
+        """Whether a seat's orders are those of a tick, or were ruled late or unreadable; a tick that was not played keeps any."""
+        if tick >= len(self.ticks) or self.ticks[tick].marks[team] & (Mark.LATE | Mark.UNREADABLE):
+            return True
+        n_blue = len(self.header.ruleset.team(Team.BLUE))
+        own = slice(0, n_blue) if team is Team.BLUE else slice(n_blue, None)
+        return self.ticks[tick].orders[own] == orders
+
     @property
     def canonical_hash(self) -> str:
         """SHA-256 (hex) of the canonical bytes."""

@@ -90,6 +90,7 @@ class Match:
     def __init__(self, header: Header, terms: Terms, now_s: float) -> None:
         self.header, self.terms = header, terms
         self.phase = Phase.WAITING
+        self._drawn_at_s = now_s
         self.result: MatchResult | None = None
         self.head = b""
         """The last link of the chain, once the match is over."""
@@ -133,6 +134,10 @@ class Match:
     def truth(self) -> tuple[bytes, list[bytes]]:
         """Return the true board in the codes of Table 2, and what each seat is shown of it."""
         return self._games.truth(0).tobytes(), [self._shown[team][-1] for team in Team]
+
+    def unready_s(self, now_s: float) -> float:
+        """Return how long the match has waited for both seats to be ready; 0 once it began."""
+        return now_s - self._drawn_at_s if self.phase is Phase.WAITING else 0.0
 
     def is_away(self, team: Team) -> bool:
         """Whether a seat has not come yet, or has vanished."""

@@ -32,6 +32,8 @@ MOST_KNOCKS = 128
 """Requests that wait to be opened; what comes beyond is dropped, and asked again."""
 MOST_RUNNING = 256
 """Matches at once; each costs an open file."""
+PATIENCE_S = 1.0
+"""How long seats may take to get ready, while others wait for room."""
 _SHARE_S = 0.003
 """Of each sweep of a hundredth of a second, while matches run."""
 _MOST_OWED_S = 0.02
@@ -159,7 +161,7 @@ class Reception:
             visitor.answer(Refusal(reason=f"{MOST_GUESTS} clients wait already; come again later"))
             return
         self.guests[seat] = Guest(request, visitor, time.monotonic())
-        if len(self._floor.tables) >= MOST_RUNNING:
+        if len(self._floor.tables) >= MOST_RUNNING and not self._make_room():
             return  # it hears Wait in time, and asks again
         answer = self._seating.place(seat, request)
         if isinstance(answer, Pairing):
@@ -172,6 +174,14 @@ class Reception:
         elif not isinstance(answer, Wait):
             self._forget(seat)
             visitor.answer(answer)
+
+    def _make_room(self) -> bool:
+        """Give up the match whose seats have taken longest to get ready: strangers who never play must not keep others out."""
+        oldest = max(self._floor.tables.values(), key=lambda table: table.match.unready_s(time.monotonic()))
+        if oldest.match.unready_s(time.monotonic()) < PATIENCE_S:
+            return False
+        self._floor.abort(oldest, "was not ready while others waited for room")
+        return True
 
     def _sit(self, table: Table, team: Team, seat: SeatId, visitor: Visitor) -> None:
         """Give a seat to whoever asks for it, with new keys."""

@@ -10,7 +10,7 @@ from arena.protocol.codec import encode
 from arena.protocol.facts import check_journal, check_receipt, commit, read_fact
 from arena.protocol.messages import Commitment, Receipt, Signed
 from arena.protocol.sight import Writer, timeless
-from arena.records.journal import Journal, Mark, match_id
+from arena.records.journal import Journal, match_id
 from arena.records.transcript import Head, Transcript
 from arena.referee.replay import replay
 
@@ -82,14 +82,11 @@ def compare(journal: Journal, transcript: Transcript) -> str:
         return f"the transcript is of match {header.match}, the journal of {match}"
     if header.commitment != commit(match, journal.header.keys):
         return "the journal's keys are not those that the pit committed itself to"
-    units = len(journal.header.ruleset.team(Team.BLUE))
-    own = slice(0, units) if header.team is Team.BLUE else slice(units, None)
     shown, told = watch(journal)[header.team], transcript.ending
     for tick, (seen, (observation, orders)) in enumerate(zip(shown, transcript.ticks, strict=False)):
         if seen != timeless(observation):
             return f"at tick {tick} the seat was shown something else than the journal's match shows"
-        record = journal.ticks[tick] if tick < len(journal.ticks) else None
-        if record and not record.marks[header.team] & (Mark.LATE | Mark.UNREADABLE) and record.orders[own] != orders:
+        if not journal.keeps(tick, header.team, orders):
             return f"at tick {tick} the journal has other orders than the seat gave"
     if len(transcript.ticks) > len(shown):
         return "the seat was shown more ticks than the journal has"

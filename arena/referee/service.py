@@ -15,14 +15,15 @@ from queue import SimpleQueue
 from typing import Any
 
 from arena.errors import ForgedError, UnreadableError
-from arena.game.ruleset import Ruleset, to_dict
+from arena.game.ruleset import Ruleset
 from arena.game.types import Ending, Team
 from arena.policy import MatchResult
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.facts import check_receipt, sign_fact
 from arena.protocol.messages import Lobby, Orders, Ready, Receipt, Signed
-from arena.records.journal import CHAIN_BYTES, Header, journal_name
+from arena.records.frames import rules_values
+from arena.records.journal import Header, journal_name
 from arena.referee.archive import MOST_KEPT, Archive
 from arena.referee.door import Door
 from arena.referee.events import Ask, End, Event, Publish, Write
@@ -232,7 +233,7 @@ class Referee:
     def _on_receipt(self, table: Table, team: Team, sample: Sample) -> None:
         chair = table.chairs[team]
         message = self._open(table, chair, team, sample)
-        if isinstance(message, Receipt) and len(message.head) == CHAIN_BYTES and 0 <= message.n_shown < 1 << 32:
+        if isinstance(message, Receipt):
             try:
                 check_receipt(chair.entry, table.id, team, message)
             except ForgedError:
@@ -253,7 +254,7 @@ class Referee:
             pit=self._house.pit,
             rules=self._ruleset.name,
             rules_hash=self._ruleset.hash,
-            ruleset={"name": self._ruleset.name, **to_dict(self._ruleset)},
+            ruleset=rules_values(self._ruleset),
             needs_invite=self._register.needs_invite,
             n_begun=self._n_begun,
             running=[
@@ -338,7 +339,6 @@ class Referee:
         return not is_running and not self._seating.is_planned(names)
 
     def _sweep(self, now_s: float) -> None:
-        """Let time pass for everyone."""
         self._reception.serve()
         for table in list(self.tables.values()):
             for chair in table.chairs.values():

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from arena.errors import ArenaError
-from arena.game.ruleset import to_dict
 from arena.game.types import Team
 from arena.policy import MatchResult
 from arena.protocol import topics
@@ -15,6 +14,7 @@ from arena.protocol.handshake import Caller, new_secret
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Ended, Facts, History, Message, Receipt, Signed, Ticket, Truth, Turn
 from arena.protocol.sealing import Opener, Sealer, truth_sealer
+from arena.records.frames import rules_values
 from arena.records.journal import match_id, write_receipt, write_seats, write_signature
 from arena.referee.events import Ask
 from arena.referee.match import Match
@@ -87,7 +87,7 @@ class Table:
         return Ticket(
             match=self.id,
             team=int(team),
-            ruleset={"name": ruleset.name, **to_dict(ruleset)},
+            ruleset=rules_values(ruleset),
             opponent=self.chairs[team.other].name,
             turn_time_s=terms.turn_time_s,
             bank_s=terms.bank_s,
@@ -145,11 +145,7 @@ class Table:
         """Tell everyone how the match ended, and return what was told."""
         ended = Ended(
             match=self.id,
-            ending=result.ending.name.lower(),
-            winner=None if result.winner is None else result.winner.name.lower(),
-            score=result.score,
-            ticks=result.ticks,
-            reason=result.reason,
+            **result.in_words(),
             faults={team.name.lower(): self.match.record(team).faults() for team in Team},
         )
         signed = sign_fact(self._house.identity, ended)

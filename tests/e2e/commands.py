@@ -106,12 +106,11 @@ def start() -> Iterator[Callable[..., Command]]:
 
 @pytest.fixture
 def serve(start: Callable[..., Command], port: int, tmp_path: Path) -> Callable[..., Command]:
-    """Open a pit at `port`, with its data in `tmp_path`, and wait until it is open."""
+    """Open a pit at `port`, with its data in `tmp_path`, and wait until it is open. Its maps are always the same."""
+    pit = ("serve", "--listen", f"tcp/127.0.0.1:{port}", "--data", tmp_path, "--seed", 7)
 
     def begin(*arguments: object, **options: Any) -> Command:
-        return start("serve", "--listen", f"tcp/127.0.0.1:{port}", "--data", tmp_path, *arguments, **options).wait_for(
-            "join with: "
-        )
+        return start(*pit, *arguments, **options).wait_for("join with: ")
 
     return begin
 

@@ -108,7 +108,7 @@ def attempt(session: Session, identity: Any, command: str, target: str) -> Attem
 def test_who_is_kicked_forfeits_or_stops_waiting_and_may_come_back(
     serve: Start, join: Start, admin: Start, match: Start, await_guests: Start, tmp_path: Path
 ) -> None:
-    pit = serve("--seed", 7, "--turn-time", 60)
+    pit = serve("--turn-time", 60)
     red, blue, _ = match()
     guest = join("--name", "guest")
     await_guests("guest")
@@ -130,7 +130,7 @@ def test_who_is_kicked_forfeits_or_stops_waiting_and_may_come_back(
 def test_who_is_banned_forfeits_and_is_not_let_in_again_by_any_name_nor_after_a_restart(
     serve: Start, join: Start, admin: Start, match: Start, await_guests: Start, tmp_path: Path
 ) -> None:
-    pit = serve("--seed", 7, "--turn-time", 60)
+    pit = serve("--turn-time", 60)
     red, blue, _ = match()
     sentence = "arena: the pit says no: this key is banned from the pit"
 
@@ -150,7 +150,7 @@ def test_who_is_banned_forfeits_and_is_not_let_in_again_by_any_name_nor_after_a_
 
     knock()
     pit.kill()
-    serve("--seed", 7, "--turn-time", 60)
+    serve("--turn-time", 60)
     knock()
     join("--policy", "rush")
     await_guests("rush")
@@ -159,7 +159,7 @@ def test_who_is_banned_forfeits_and_is_not_let_in_again_by_any_name_nor_after_a_
 def test_a_closed_pit_ends_after_the_match_that_runs(
     serve: Start, join: Start, admin: Start, match: Start, await_guests: Start, tmp_path: Path
 ) -> None:
-    pit = serve("--seed", 7, "--turn-time", 60)
+    pit = serve("--turn-time", 60)
     red, blue, _ = match()
     guest = join("--name", "guest")
     await_guests("guest")
@@ -178,7 +178,7 @@ def test_a_closed_pit_ends_after_the_match_that_runs(
 
 
 def test_an_aborted_match_is_void_and_gives_nobody_a_name(serve: Start, admin: Start, match: Start, tmp_path: Path) -> None:
-    pit = serve("--seed", 7, "--turn-time", 60)
+    pit = serve("--turn-time", 60)
     red, blue, name = match()
 
     assert admin("abort", "another") == (1, "arena: the pit says no: another is not here")

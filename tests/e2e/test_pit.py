@@ -57,7 +57,7 @@ def journals(folder: Path) -> list[Journal]:
 
 
 def test_a_match_ends_in_a_result_in_all_three_terminals(serve: Start, join: Start, tmp_path: Path) -> None:
-    pit = serve("--matches", 1, "--seed", 7)
+    pit = serve("--matches", 1)
     red, blue = join("--team", "red", "--policy", "rush"), join("--team", "any", "--policy", "roomba")
 
     assert [process.finish() for process in (red, blue, pit)] == [0, 0, 0]
@@ -114,7 +114,7 @@ def test_a_pit_that_is_not_there_is_said_to_be_so(serve: Start, start: Start, po
 
 def test_a_client_that_was_killed_comes_back_as_a_new_process(serve: Start, join: Start, tmp_path: Path) -> None:
     bot = write_bot(tmp_path, stop_at=8)
-    pit = serve("--matches", 1, "--seed", 7, "--turn-time", 60)
+    pit = serve("--matches", 1, "--turn-time", 60)
     enemy = join("--team", "red", "--policy", "patrol")
     first = join("--team", "blue", "--policy", bot).wait_for("thinking at 8")
 
@@ -133,7 +133,7 @@ def test_a_client_that_was_killed_comes_back_as_a_new_process(serve: Start, join
 
 def test_a_referee_that_was_killed_resumes_at_the_very_tick(serve: Start, join: Start, tmp_path: Path) -> None:
     bot = write_bot(tmp_path, stop_at=8)
-    options = ("--matches", 1, "--seed", 7, "--turn-time", 60)
+    options = ("--matches", 1, "--turn-time", 60)
     pit = serve(*options)
     red, blue = join("--team", "red", "--policy", "patrol"), join("--team", "blue", "--policy", bot).wait_for("thinking at 8")
 
@@ -204,7 +204,7 @@ def test_a_match_whose_clients_were_both_killed_ends_by_rule(serve: Start, join:
 def test_a_policy_that_raises_is_counted_and_shows_its_first_traceback_once(serve: Start, join: Start, tmp_path: Path) -> None:
     bot = tmp_path / "raises.py"
     bot.write_text("def act(observation):\n    raise RuntimeError(f'no idea at {observation.tick}')\n")
-    pit = serve("--matches", 1, "--seed", 7)
+    pit = serve("--matches", 1)
     bad, good = join("--team", "red", "--policy", bot), join("--team", "blue", "--policy", "rush")
 
     assert [process.finish() for process in (bad, good, pit)] == [0, 0, 0]

@@ -56,7 +56,7 @@ def check_whole(transcript: Transcript, journal: Journal, team: Team) -> None:
 def test_a_seat_s_transcript_shows_its_match_and_is_checked_against_the_journal(
     serve: Start, join: Start, arena: Run, tmp_path: Path
 ) -> None:
-    pit = serve("--matches", 2, "--seed", 7)
+    pit = serve("--matches", 2)
     homes = {team: tmp_path / team.name for team in Team}
     players = [
         join("--team", team.name.lower(), "--policy", policy, "--matches", 2, "--data", homes[team])
@@ -98,7 +98,7 @@ def test_a_seat_s_transcript_shows_its_match_and_is_checked_against_the_journal(
 def test_a_client_that_was_killed_and_came_back_has_a_whole_transcript(serve: Start, join: Start, tmp_path: Path) -> None:
     bot, go, home = tmp_path / "slow.py", tmp_path / "go", tmp_path / "home"
     bot.write_text(BOT.format(go=str(go)))
-    pit = serve("--matches", 1, "--seed", 7, "--turn-time", 60)
+    pit = serve("--matches", 1, "--turn-time", 60)
     enemy = join("--team", "red", "--policy", "patrol", "--no-transcripts", "--no-audit", "--data", tmp_path / "enemy")
     first = join("--team", "blue", "--policy", bot, "--data", home).wait_for("thinking")
 

@@ -374,7 +374,7 @@ def seat_openers(eve: Any, attempt: Any, ticket: Ticket) -> dict[tuple[Team, Dir
 def test_a_player_with_two_connections_opens_its_own_seat_and_nothing_else(
     serve: Start, join: Start, stranger: Start, tmp_path: Path
 ) -> None:
-    pit = serve("--matches", 1, "--seed", 7, "--turn-time", 60, "--set", "tick_limit=40")
+    pit = serve("--matches", 1, "--turn-time", 60, "--set", "tick_limit=40")
     eve = stranger()
     second = stranger(identity=eve.identity)
     ear = Ear(second.session)

@@ -265,7 +265,7 @@ def play_two(serve: Start, join: Start, folder: Path, n_ticks: int, n_matches: i
     os.environ["ARENA_CONFIG"] = str(folder / "config")  # another pit may show another key
     for name in ("ann", "bob"):
         (folder / f"{name}.py").write_text(BOT.format(go=str(folder / "go")))
-    options = ("--seed", 7, "--turn-time", 3_600, "--set", f"tick_limit={n_ticks}", "--set", "units.ugv.attack=0")
+    options = ("--turn-time", 3_600, "--set", f"tick_limit={n_ticks}", "--set", "units.ugv.attack=0")
     pit = serve("--data", folder, "--matches", n_matches, *options)
     clients = [join("--policy", folder / "ann.py", "--team", "blue"), join("--policy", folder / "bob.py", "--team", "red")]
     return pit, [client.wait_for("rules paper") for client in clients]
@@ -394,14 +394,14 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
     Those who flood stand for other machines, so they yield to the pit where cores are few (`nice`). At the full size, which
     wants two cores to itself, they still send what they should, and a turn takes at most twice its time; in an open pit the
     strangers are players, and some 80 matches a second begin for them (measured: 1.3 to 1.5 times, and 2.4 once beside other
-    work). The small size shares its cores with other tests, which may leave it but a part of the rate: its bounds are looser.
+    work). The small size shares its cores with other tests, so there every turn must only end within a deadline of 1 s.
     """
-    n_ticks, flood_s, most_times = size(1_500, 4_000), size(2, 10), size(4, 2)
+    n_ticks, flood_s = size(1_500, 4_000), size(2, 10)
     codes = [f"code-{number}" for number in range(6)]
     invites = tmp_path / "invites"
     invites.write_text("\n".join(codes))
     pit = serve(
-        *("--seed", 7, "--turn-time", 60, "--grace", 3, "--set", f"tick_limit={n_ticks}"),
+        *("--turn-time", 60, "--grace", 3, "--set", f"tick_limit={n_ticks}"),
         *(("--invite", invites) if kind == "invited" else ()),
     )
     duel = Duel(stranger(), stranger(), n_ticks, *codes[:2])
@@ -447,10 +447,10 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
     )
     logger.info(figures)
     assert sum(rates) > size(200, 1_800), figures
-    assert busy < most_times * quiet, figures
+    assert size(max(busy_ms) < 1_000, busy < 2 * quiet), figures
     assert len(answers) == len(guests)
     assert all(waited_s < 5.0 for waited_s, _ in answers)
-    assert all(isinstance(answer, Ticket) for _, answer in answers)
+    assert all(isinstance(answer, Ticket) for _, answer in answers), answers
     assert n_files < 2 * MOST_RUNNING + 100  # those that run, and as many that were given up and wait for receipts
     assert memory_mb[-1] - memory_mb[len(memory_mb) // 2] < MOST_GROWTH_MB
     later = stranger()

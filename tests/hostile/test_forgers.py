@@ -23,7 +23,7 @@ PATIENCE_S = 60.0
 NAMES = [team.name.lower() for team in Team]
 Seats = dict[Team, Any]
 N_UNITS, N_TICKS = 6, 12
-OPTIONS = ("--seed", 7, "--set", f"tick_limit={N_TICKS}", "--turn-time", 60)
+OPTIONS = ("--set", f"tick_limit={N_TICKS}", "--turn-time", 60)
 
 
 def genuine(team: Team, tick: int) -> bytes:

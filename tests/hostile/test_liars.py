@@ -42,7 +42,7 @@ def settle(one: Any) -> None:
 
 
 def test_junk_is_counted_and_the_match_ends(serve: Start, join: Start, stranger: Start, tmp_path: Path) -> None:
-    pit = serve("--matches", 1, "--seed", 7, "--set", "tick_limit=12", "--turn-time", 20)
+    pit = serve("--matches", 1, "--set", "tick_limit=12", "--turn-time", 20)
     eve = stranger()
     honest = join("--team", "blue", "--policy", "patrol")
     while b"patrol" not in eve.query(topics.lobby("pit"), b""):
@@ -154,7 +154,7 @@ def test_a_seat_is_given_to_its_own_key_alone_and_not_while_its_holder_is_there(
 
 
 def test_who_says_that_a_holder_is_gone_takes_nothing_from_it(serve: Start, stranger: Start, tmp_path: Path) -> None:
-    pit = serve("--matches", 1, "--seed", 7, "--set", "tick_limit=4", "--grace", 60, "--turn-time", 60)
+    pit = serve("--matches", 1, "--set", "tick_limit=4", "--grace", 60, "--turn-time", 60)
     holder, enemy, thief = stranger(), stranger(), stranger()
     key = topics.presence("pit", "ann", holder.client)
     ticket = sit_down(holder, enemy)
@@ -195,7 +195,7 @@ threading.Event().wait()
 def test_a_stopped_listener_and_a_stopped_seat_make_no_other_match_late(
     serve: Start, join: Start, start: Start, port: int, tmp_path: Path
 ) -> None:
-    pit = serve("--matches", 3, "--seed", 7, "--turn-time", 0.5, "--bank", 0, "--missed", 60, "--grace", 60)
+    pit = serve("--matches", 3, "--turn-time", 0.5, "--bank", 0, "--missed", 60, "--grace", 60)
     listener = start(port, code=LISTENER).wait_for("listening")
     stopped = [join("--team", "red", "--policy", "patrol"), join("--team", "blue", "--policy", "patrol", "--name", "held")]
     bot = tmp_path / "paced.py"
@@ -223,7 +223,7 @@ def test_a_stopped_listener_and_a_stopped_seat_make_no_other_match_late(
 
 
 def test_who_was_away_when_the_match_ended_is_told_how(serve: Start, join: Start, stranger: Callable[..., Any]) -> None:
-    pit = serve("--seed", 7, "--set", "tick_limit=3", "--turn-time", 0.05, "--bank", 0)
+    pit = serve("--set", "tick_limit=3", "--turn-time", 0.05, "--bank", 0)
     eve = stranger()
     honest = join("--team", "blue", "--policy", "patrol")
     ticket = eve.sit(team="red")

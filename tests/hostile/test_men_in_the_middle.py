@@ -149,7 +149,7 @@ def sit_down(blue: Any, blue_name: str, red: Any, red_name: str) -> None:
 def test_a_request_that_comes_a_second_time_is_refused_and_its_owner_keeps_seat_and_keys(
     serve: Start, stranger: Start, tmp_path: Path
 ) -> None:
-    pit = serve("--matches", 1, "--seed", 7, "--set", "tick_limit=3", "--turn-time", 60)
+    pit = serve("--matches", 1, "--set", "tick_limit=3", "--turn-time", 60)
     ann, bob, eve = stranger(), stranger(), stranger()
     attempt = ann.attempt(name="ann", team="blue")
 
@@ -263,7 +263,7 @@ def test_nobody_plays_whose_answers_a_man_in_the_middle_makes_up(
 def test_a_refusal_in_the_pits_name_does_not_send_a_client_away(
     serve: Start, start: Start, join: Start, middleman: Start
 ) -> None:
-    pit = serve("--matches", 1, "--seed", 7)
+    pit = serve("--matches", 1)
     n_refused = 0
 
     def say_no_at_first(asked: bytes, answer: bytes) -> bytes:
@@ -285,7 +285,7 @@ def test_a_refusal_in_the_pits_name_does_not_send_a_client_away(
 def test_what_a_man_in_the_middle_adds_is_counted_and_changes_nothing(
     serve: Start, start: Start, join: Start, middleman: Start, tmp_path: Path
 ) -> None:
-    pit = serve("--matches", 1, "--seed", 7, "--turn-time", 20)
+    pit = serve("--matches", 1, "--turn-time", 20)
     said: list[bytes] = []
 
     def add(data: bytes) -> list[bytes]:
@@ -349,7 +349,7 @@ def test_a_pit_that_has_another_key_than_before_is_refused_until_its_old_key_is_
 def test_a_name_belongs_to_the_key_that_finished_a_match_under_it_until_it_is_released(
     serve: Start, join: Start, start: Start, stranger: Start, tmp_path: Path
 ) -> None:
-    pit = serve("--seed", 7, "--set", "tick_limit=1", "--turn-time", 60)
+    pit = serve("--set", "tick_limit=1", "--turn-time", 60)
     ann, bob, eve = stranger(), stranger(), stranger()
     sentence = (
         "the name ann belongs to another key; choose one with --name, or ask the operator for `arena admin release-name ann`"
@@ -361,7 +361,7 @@ def test_a_name_belongs_to_the_key_that_finished_a_match_under_it_until_it_is_re
 
     assert eve.ask(name="ann") == Refusal(reason=sentence)
     pit.kill()
-    pit = serve("--seed", 7, "--set", "tick_limit=1", "--turn-time", 60)
+    pit = serve("--set", "tick_limit=1", "--turn-time", 60)
     ann, bob, eve = (stranger(identity=one.identity) for one in (ann, bob, eve))
     assert eve.ask(name="ann") == Refusal(reason=sentence)
     process = join("--name", "ann", "--policy", "rush")

@@ -116,7 +116,7 @@ def test_no_key_and_counter_seal_two_messages_whoever_is_killed_and_comes_back(
 ) -> None:
     records = tmp_path_factory.mktemp("records")
     code = {"code": RECORDER.format(folder=str(records))}
-    options = ("--matches", 1, "--seed", 7, "--turn-time", 60, "--grace", 60, "--set", "tick_limit=16")
+    options = ("--matches", 1, "--turn-time", 60, "--grace", 60, "--set", "tick_limit=16")
     bot = tmp_path / "slow.py"
     bot.write_text(BOT.format(folder=str(tmp_path), stops=(4, 8)))
     pits = [serve(*options, **code)]
@@ -179,7 +179,7 @@ def test_no_key_and_counter_seal_two_messages_whoever_is_killed_and_comes_back(
 def test_a_turn_that_is_asked_for_again_is_the_very_bytes_that_it_was_or_stands_behind_all_that_was_sent(
     serve: Start, join: Start, stranger: Start
 ) -> None:
-    serve("--matches", 1, "--seed", 7, "--turn-time", 60, "--set", "tick_limit=12")
+    serve("--matches", 1, "--turn-time", 60, "--set", "tick_limit=12")
     join("--team", "blue", "--policy", "patrol", "--no-transcripts")
     eve = stranger()
     eve.sit(team="red")

@@ -148,7 +148,7 @@ def play(serve: Start, join: Start, port: int, tmp_path: Path) -> Iterator[Calla
         "--set",
         "units.ugv.attack=0",
     )
-    serve("--seed", 7, *options)
+    serve(*options)
     session = connect(port)
     session.declare_subscriber(
         topics.all_public("pit"), lambda sample: told_s.setdefault(str(sample.key_expr), []).append(time.monotonic())

@@ -24,7 +24,15 @@ def processes() -> Iterator[tuple[int, str]]:
 
 
 def test_the_referee_and_every_entry_have_a_process_of_their_own(tmp_path: Path) -> None:
-    setting = Setting(ruleset=load("paper"), entries=ENTRIES, terms=Terms(), slots=2, journals=tmp_path, keys=tmp_path / "keys")
+    setting = Setting(
+        ruleset=load("paper"),
+        entries=ENTRIES,
+        terms=Terms(),
+        slots=2,
+        journals=tmp_path,
+        keys=tmp_path / "keys",
+        homes=tmp_path / "homes",
+    )
     pairs = [("one", "two"), ("one", "three"), ("two", "three")]
     plans = [plan for one, other in pairs for plan in plan_fixture("processes", one, other, 2, secret_from_seed(1))]
     outcomes = play_network(setting, plans)

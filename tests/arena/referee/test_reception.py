@@ -37,7 +37,7 @@ from arena.referee import reception as module
 from arena.referee.door import Door
 from arena.referee.local import MatchPlan
 from arena.referee.match import Match, Terms
-from arena.referee.reception import FORGET_WAITING_S, HOLD_QUESTION_S, Reception
+from arena.referee.reception import FORGET_WAITING_S, HOLD_QUESTION_S, PATIENCE_S, Reception
 from arena.referee.register import Register
 from arena.referee.seating import OpenSeating, Pairing, SeatId
 from arena.referee.table import House, Table
@@ -449,6 +449,25 @@ def test_beyond_the_most_matches_guests_wait_until_one_is_over(pit: Pit, monkeyp
     pit.floor.abort(next(iter(pit.floor.tables.values())), "")
     assert eve.ask() is None
     assert isinstance(dan.ask(), Ticket)
+
+
+def test_a_full_pit_gives_up_the_match_whose_seats_are_not_ready_in_time(pit: Pit, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_RUNNING", 2)
+    _, _, playing, _ = begin(pit)
+    table = pit.floor.tables[playing.match]
+    for team in Team:
+        table.match.ready(team, pit.clock())
+    eve, dan, fay, gus = (Client(pit, name) for name in ("eve", "dan", "fay", "gus"))
+    eve.ask()
+    idle = ticket(dan.ask()).match
+    pit.clock.now_s += PATIENCE_S / 2
+    assert (fay.ask(), gus.ask()) == (None, None)
+    pit.clock.now_s += PATIENCE_S / 2
+
+    assert fay.ask() is None
+    assert isinstance(gus.ask(), Ticket)
+    assert playing.match in pit.floor.tables
+    assert idle not in pit.floor.tables
 
 
 def test_nobody_begins_a_match_in_a_pit_that_closes(pit: Pit) -> None:
