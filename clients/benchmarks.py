@@ -29,7 +29,7 @@ from arena.protocol.sealing import Opener, Sealer
 from arena.referee.local import MatchPlan
 from arena.referee.match import Terms
 from arena.referee.seating import PlannedSeating
-from arena.referee.service import Referee
+from arena.referee.service import Played, Referee
 from arena.referee.table import House
 from arena.transport import free_port, open_router
 from clients.runner import Runner
@@ -93,7 +93,7 @@ def _measure(n_matches: int, seats_per_process: int) -> dict[str, float]:
     n_processes = 2 * n_matches // seats_per_process
     with tempfile.TemporaryDirectory() as folder, open_router(endpoint, "bench") as session:
         house = House(session=session, pit="bench", identity=Identity.make())
-        referee = Referee(house, ruleset, PlannedSeating(plans), Terms(turn_time_s=60.0), Path(folder), on_end=lambda _: None)
+        referee = Referee(house, ruleset, PlannedSeating(plans), Terms(turn_time_s=60.0), Path(folder), on_end=_object)
         clients = [context.Process(target=_play, args=(endpoint, seats_per_process), daemon=True) for _ in range(n_processes)]
         for client in clients:
             client.start()
@@ -119,6 +119,10 @@ def _measure(n_matches: int, seats_per_process: int) -> dict[str, float]:
         "p50_ms": latencies[len(latencies) // 2] * 1e3,
         "p99_ms": latencies[int(len(latencies) * 0.99)] * 1e3,
     }
+
+
+def _object(played: Played) -> None:
+    raise ArenaError(f"the benchmark's match {played.header.identity} ended: {played.result.reason}")
 
 
 def _ticks(referee: Referee) -> list[int]:

@@ -34,10 +34,10 @@ MOST_RUNNING = 256
 """Matches at once; each costs an open file."""
 PATIENCE_S = 1.0
 """How long seats may take to get ready, while others wait for room."""
-_SHARE_S = 0.003
-"""Of each sweep of a hundredth of a second, while matches run."""
-_MOST_OWED_S = 0.02
-"""What took longer, as the beginning of a match does, is taken off the shares that follow, as far as that."""
+_SHARE = 0.3
+"""Of the time, while matches run."""
+_MOST_SAVED_S = 0.02
+"""As much of it can be saved up, or spent before it has come, as the beginning of a match does."""
 
 
 @dataclass(slots=True)
@@ -94,7 +94,7 @@ class Reception:
         self._ruleset, self._seating = ruleset, seating
         self._knocks: deque[tuple[Question, bytes]] = deque()
         self.guests: dict[SeatId, Guest] = {}
-        self._share_s = _SHARE_S
+        self._served_at_s, self._saved_s = time.monotonic(), 0.0
         self.n_refused = 0
         """Requests that were not opened, or not signed by whom they name."""
 
@@ -115,24 +115,28 @@ class Reception:
             question.drop()
 
     def serve(self) -> None:
-        """Open requests that wait, for a while."""
-        end_s = time.monotonic() + self._share_s
-        while self._knocks and (time.monotonic() < end_s or not self._floor.tables):
+        """Open requests that wait, for a share of the time that has passed."""
+        now_s = time.monotonic()
+        self._saved_s = min(self._saved_s + _SHARE * (now_s - self._served_at_s), _MOST_SAVED_S)
+        self._served_at_s = now_s
+        while self._knocks and (self._saved_s > 0 or not self._floor.tables):
             self._floor.hear_orders()  # a turn waits for one request at most
-            question, payload = self._knocks.popleft()
-            try:
-                caller = self._door.open(payload, time.monotonic())
-            except ProtocolError as error:
-                self.n_refused += 1
-                question.answer(encode(Refusal(reason=str(error))))
-                continue
-            visitor = Visitor(caller, question)
-            if isinstance(caller.request, AdminRequest):
-                visitor.answer(self._obey(caller.request))
-            else:
-                self._receive(visitor, caller.request)
-        owed_s = min(max(time.monotonic() - end_s, 0.0), _MOST_OWED_S)
-        self._share_s = _SHARE_S - owed_s
+            begun_s = time.monotonic()
+            self._open(*self._knocks.popleft())
+            self._saved_s = max(self._saved_s - (time.monotonic() - begun_s), -_MOST_SAVED_S)
+
+    def _open(self, question: Question, payload: bytes) -> None:
+        try:
+            caller = self._door.open(payload, time.monotonic())
+        except ProtocolError as error:
+            self.n_refused += 1
+            question.answer(encode(Refusal(reason=str(error))))
+            return
+        visitor = Visitor(caller, question)
+        if isinstance(caller.request, AdminRequest):
+            visitor.answer(self._obey(caller.request))
+        else:
+            self._receive(visitor, caller.request)
 
     def _receive(self, visitor: Visitor, request: JoinRequest) -> None:
         """Seat an entry, or have it wait, or refuse it."""
