@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.address import Address
-from arena.errors import ForgedError, LostPitError, ProtocolError, UnreadableError
+from arena.errors import ForgedError, InputError, LostPitError, ProtocolError, UnreadableError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
+from arena.observation import OwnUnit
 from arena.protocol import topics
 from arena.protocol.codec import decode
 from arena.protocol.facts import read_fact
@@ -25,6 +26,8 @@ from clients.seat import read_rules
 
 SALT_BYTES = 32
 MOST_WAITING = 1_000
+MOST_CLOSED = 5
+"""Truths that do not open, in a row, by which a spectator key is known to be another pit's."""
 _SILENCE_S = 5.0
 Grid = NDArray[np.int8]
 
@@ -44,6 +47,8 @@ class Frame:
     """int8, shape (side, side), codes of Table 2; as `seen`, for holders of the spectator key."""
     seen: tuple[Grid, Grid] | None = None
     """What blue sees, and red."""
+    units: tuple[tuple[OwnUnit, ...], tuple[OwnUnit, ...]] | None = None
+    """Blue's, and red's, as their teams are told."""
     ended: Ended | None = None
 
 
@@ -55,6 +60,7 @@ class Spectator:
         self._side, self._ruleset = ruleset.side, ruleset
         self._readers = [Reader(ruleset, team) for team in Team]
         self._openers: dict[bytes, Opener] = {}
+        self._n_closed = 0
 
     def hear_public(self, payload: bytes) -> Frame | None:
         """Take a public message; `ProtocolError` if the pit did not say it."""
@@ -74,9 +80,18 @@ class Spectator:
         return Frame(tick=fact.ticks, score=fact.score, ended=fact) if isinstance(fact, Ended) else None
 
     def hear_truth(self, payload: bytes) -> Frame | None:
-        """Take a sealed truth; `ProtocolError` if it does not open with the key, None without one."""
+        """Take a sealed truth; `ProtocolError` if it does not open with the key, None without one.
+
+        Raises
+        ------
+        InputError
+            Nothing has opened so far: the key is not this pit's.
+        """
         if self._key is None:
             return None
+        self._n_closed += 1
+        if self._n_closed > MOST_CLOSED and not self._openers:
+            raise InputError("the truth does not open with this spectator key; the pit's own is keys/spectator.key in its --data")
         salt, sealed = payload[:SALT_BYTES], payload[SALT_BYTES:]
         opener = self._openers.get(salt) or truth_opener(self._key, salt, self._pit, self._match)
         message = decode(opener.open(sealed))
@@ -86,7 +101,14 @@ class Spectator:
         board = np.frombuffer(message.board, np.int8).reshape(self._side, self._side)
         observations = [reader.read(data) for reader, data in zip(self._readers, message.seen, strict=True)]
         blue, red = (seen.seat(0, self._ruleset) for seen in observations)
-        return Frame(tick=message.tick, living=blue.living, score=blue.score, truth=board, seen=(blue.grid, red.grid))
+        return Frame(
+            tick=message.tick,
+            living=blue.living,
+            score=blue.score,
+            truth=board,
+            seen=(blue.grid, red.grid),
+            units=(blue.units, red.units),
+        )
 
 
 def watch(

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from arena.address import Address
-from arena.errors import ForgedError, ProtocolError, UnreadableError
+from arena.errors import ForgedError, InputError, ProtocolError, UnreadableError
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load, to_dict
 from arena.game.state import Fact
@@ -28,7 +28,7 @@ from arena.referee.events import End, Event, Publish, Write
 from arena.referee.match import Match, Phase, Terms
 from arena.referee.replay import replay
 from arena.referee.table import House, Table
-from clients.spectator import SALT_BYTES, Frame, Spectator, watch
+from clients.spectator import MOST_CLOSED, SALT_BYTES, Frame, Spectator, watch
 
 RULES = load("paper").with_({"side": 10, "tick_limit": 12})
 IDENTITY = "pit/0/ann/bob"
@@ -162,6 +162,16 @@ def test_without_the_key_a_truth_is_nothing(show: Show) -> None:
 def test_a_truth_of_another_key_pit_or_match_does_not_open(show: Show, other: dict[str, Any]) -> None:
     with pytest.raises(ForgedError):
         spectator(**other).hear_truth(show.truths[0])
+
+
+def test_a_key_that_opens_nothing_is_said_to_be_another_pit_s(show: Show) -> None:
+    stranger = Spectator("pit", MATCH, RULES, PIT.public, b"o" * 32)
+    for truth in show.truths[:MOST_CLOSED]:
+        with pytest.raises(ForgedError):
+            stranger.hear_truth(truth)
+
+    with pytest.raises(InputError, match="does not open with this spectator key"):
+        stranger.hear_truth(show.truths[MOST_CLOSED])
 
 
 def test_a_truth_that_was_changed_cut_or_heard_before_does_not_open(show: Show) -> None:
