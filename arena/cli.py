@@ -15,6 +15,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points, version
+from inspect import signature
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -169,8 +170,11 @@ def _toml(facts: Mapping[str, Any]) -> Iterator[str]:
 
 Progress = Callable[[str], None]
 """Says in a few words what a benchmark is at."""
-Benchmark = Callable[[Progress], dict[str, Any]]
-"""What the group `arena.benchmarks` names: measures, and returns numbers, nested under names as deep as it likes."""
+Benchmark = Callable[..., dict[str, Any]]
+"""What the group `arena.benchmarks` names: is given its `Progress`, and returns numbers, nested under names as deep as it likes.
+
+One that has a parameter `minutes` goes on for as long as it is told; what it does untold is short enough for `--all`.
+"""
 
 
 def complete_benchmark(incomplete: str) -> list[str]:
@@ -184,6 +188,9 @@ def bench(
         typer.Argument(metavar="NAME...", autocompletion=complete_benchmark, help="Which to run; none lists them."),
     ] = None,
     run_all: Annotated[bool, typer.Option("--all", help="Run every one.")] = False,
+    minutes: Annotated[
+        float | None, typer.Option(min=0.1, help="How long, of those that measure for as long as they are told.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how fast the arena is on this machine."""
@@ -199,10 +206,15 @@ def bench(
         else:
             print_table(("benchmark", "what it measures"), rows)
         return
+    runs = {name: points[name].load() for name in chosen}
+    timed = [name for name, run in runs.items() if "minutes" in signature(run).parameters]
+    if minutes is not None and not timed:
+        raise InputError(f"--minutes is for benchmarks that measure for as long as they are told; {', '.join(chosen)} do not")
     results = {}
-    for name in chosen:
+    for name, run in runs.items():
+        options = {"minutes": minutes} if minutes is not None and name in timed else {}
         with _progress(name) as progress:
-            results[name] = points[name].load()(progress)
+            results[name] = run(progress, **options)
     if as_json:
         print_json(results)
     else:

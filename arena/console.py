@@ -107,6 +107,24 @@ def progress_bar(total: int, what: str, *, each: str = "matches") -> Iterator[Ca
         yield advance
 
 
+class JsonProgress:
+    """Progress for machines, on stderr: one JSON object a line, whose `event` says what happened."""
+
+    def __init__(self, total: int, done: int = 0) -> None:
+        self._total, self._done, self._rate = total, done, _Rate()
+
+    def say(self, event: str, **facts: object) -> None:
+        """Say something that is no step further."""
+        typer.echo(json.dumps({"event": event, **facts}, ensure_ascii=False), err=True)
+
+    def advance(self, event: str, **facts: object) -> None:
+        """Count one further, and say so; rate and time left are null while nothing can be said."""
+        self._done += 1
+        per_s = self._rate.count(1)
+        pace = {"per_s": round(per_s, 2), "left_s": round((self._total - self._done) / per_s, 1)} if per_s else {}
+        self.say(event, played=self._done, of=self._total, **{"per_s": None, "left_s": None} | pace, **facts)
+
+
 class _Rate:
     """How many there are a second, from the first on: the time before it went into getting ready."""
 

@@ -5,6 +5,7 @@ The local venue, the networked referee, the environments and the replay all play
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -56,6 +57,7 @@ class Games:
         self._seat_keys = np.zeros((2, n_games, 2), np.uint32)
         self._told = [make_seen(n_games, self.n_units[team.other]) for team in Team]
         self._seen = {team: self._make_observations(team) for team in Team}
+        self._unfogged: Games | None = None
 
     def start(self, games: Sequence[int] | NDArray[np.intp], keys: Sequence[MatchKeys]) -> None:
         """Lay out new games in some rows.
@@ -128,6 +130,15 @@ class Games:
         """Return what each team sees now, in memory that the next call overwrites; no clock runs, unless the caller sets it."""
         sense(self.state, self.tables, self._seat_keys, self._boards, self._rows, *self._told)
         return self._seen
+
+    def observe_without_fog(self) -> dict[Team, Observations]:
+        """Return what each team would see without the fog, in memory of its own: for the local venue's cheats."""
+        if self._unfogged is None:
+            unfogged = Games(replace(self.ruleset, fog=False), self.n_games)
+            unfogged.state, unfogged._seat_keys = self.state, self._seat_keys
+            unfogged._seen = {team: unfogged._make_observations(team) for team in Team}
+            self._unfogged = unfogged
+        return self._unfogged.observe()
 
     def grids(self) -> NDArray[np.int8]:
         """Return both teams' Table 2 boards; int8, shape (2 teams, n_games, side, side), freshly made."""

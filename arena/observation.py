@@ -86,13 +86,10 @@ class Observation:
     def legal_actions(self) -> NDArray[np.bool_]:
         """bool, shape (units, actions): which orders can move a unit, as far as its team knows; staying always may."""
         side = len(self.ground)
-        legal = np.zeros((len(self.units), len(Action)), np.bool_)
-        legal[:, Action.STAY] = True
-        for unit in self.units:
-            for action, (rows, columns) in enumerate(STEPS[1:], start=1):
-                row, column = unit.row + rows, unit.column + columns
-                on_board = 0 <= row < side and 0 <= column < side
-                legal[unit.index, action] = unit.alive and on_board and (unit.flies or self.ground[row, column] != Code.OBSTACLE)
+        cells = np.array([[unit.row * side + unit.column for unit in self.units]], np.int64)
+        alive = np.array([[unit.alive for unit in self.units]], np.bool_)
+        flies = np.array([unit.flies for unit in self.units], np.bool_)
+        legal: NDArray[np.bool_] = find_legal_actions(self.ground.reshape(1, -1), side, cells, alive, flies)[0]
         return legal
 
     def find_flag(self, team: Team) -> tuple[int, int] | None:
@@ -176,3 +173,34 @@ class Observations:
             clock_s=None if clock_ms == NO_CLOCK_MS else clock_ms / 1000,
             seed=int(self.seed[seat]),
         )
+
+
+def find_legal_actions(
+    ground: NDArray[np.int8], side: int, cell: NDArray[Any], alive: NDArray[Any], flies: NDArray[Any]
+) -> NDArray[np.bool_]:
+    """Return which orders can move a unit, as far as its team knows; staying always may.
+
+    Parameters
+    ----------
+    ground
+        Shape (n, stride), as `Observations.ground`.
+    cell, alive
+        Shape (n, units).
+    flies
+        Shape (units,).
+
+    Returns
+    -------
+    ndarray
+        bool, shape (n, units, actions).
+    """
+    legal = np.zeros((*cell.shape, len(Action)), np.bool_)
+    legal[..., Action.STAY] = True
+    seats = np.arange(len(cell))[:, None]
+    for action, (rows, columns) in enumerate(STEPS[1:], start=1):
+        row, column = cell // side + rows, cell % side + columns
+        is_on_board = (row >= 0) & (row < side) & (column >= 0) & (column < side)
+        target = np.where(is_on_board, row * side + column, 0)
+        is_free = (ground[seats, target] != Code.OBSTACLE) | flies.astype(np.bool_)
+        legal[..., action] = alive.astype(np.bool_) & is_on_board & is_free
+    return legal

@@ -10,7 +10,7 @@ Built-in fighters are `BatchPolicy`s: they act for many seats at once. `policies
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,9 @@ Act = Callable[[Observation], Sequence[int]]
 
 class BatchPolicy(ABC):
     """A fighter for many seats at once, all of one team. Seats start and end independently of each other."""
+
+    is_cheat: ClassVar[bool] = False
+    """Whether the local venue shows it the whole board: a reference, never rated, that no other venue seats."""
 
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int) -> None:
         self.ruleset, self.team, self.n_seats = ruleset, team, n_seats

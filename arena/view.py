@@ -3,13 +3,13 @@
 The letters are those of `arena.game.board`: capitals are blue's, small letters red's.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Group
+from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _LOOKS = {
     Code.HIDDEN: (" ", "on grey7"),
     Code.BLUE_HALF: ("·", "grey42 on #10243f"),
-    Code.RED_HALF: ("·", "grey42 on #3d1a10"),
+    Code.RED_HALF: (":", "grey42 on #3d1a10"),
     Code.BLUE_UGV: ("U", "bold white on #2f7de1"),
     Code.BLUE_UAV: ("A", "bold #8fc1ff on #10243f"),
     Code.RED_UGV: ("u", "bold black on #ff9d4d"),
@@ -32,14 +32,18 @@ _LOOKS = {
     Code.OBSTACLE: ("#", "grey50 on grey35"),
 }
 """Letter and style of each code. Blue and orange are told apart by the colour-blind, and so are the letters."""
-LEGEND = "U A F blue   u a f red   UGV UAV flag   # obstacle"
-
+LEGEND = "U A F · blue   u a f : red   UGV UAV flag half   # obstacle"
+_UNMARKED: dict[tuple[int, int], tuple[str, str]] = {}
 
 Mask = NDArray[np.bool_]
 """bool, shape (side, side)."""
 
 
-def draw_board(grid: NDArray[np.int8], *, is_wide: bool, dimmed: Mask | None = None) -> Text:
+Marks = Mapping[tuple[int, int], tuple[str, str]]
+"""By (row, column): what stands there instead of the letter, empty for the letter itself, and a style over the cell's own."""
+
+
+def draw_board(grid: NDArray[np.int8], *, is_wide: bool, dimmed: Mask | None = None, marks: Marks = _UNMARKED) -> Text:
     """Return a Table 2 board of shape (side, side) as text; wide cells are two columns, and nearly square."""
     text = Text(no_wrap=True)
     for row, codes in enumerate(grid.tolist()):
@@ -48,32 +52,41 @@ def draw_board(grid: NDArray[np.int8], *, is_wide: bool, dimmed: Mask | None = N
         for column, code in enumerate(codes):
             letter, style = _LOOKS[Code(code)]
             is_dim = dimmed is not None and dimmed[row, column]
-            text.append(f"{letter} " if is_wide else letter, f"dim {style}" if is_dim else style)
+            shown, over = marks.get((row, column), ("", ""))
+            width = 2 if is_wide else 1
+            text.append((shown or letter)[:width].ljust(width), f"{'dim ' if is_dim else ''}{style} {over}".rstrip())
     return text
 
 
-def draw_pair(
-    title: str, left: tuple[str, NDArray[np.int8]], right: tuple[str, NDArray[np.int8]], width: int, *, dimmed: Mask | None = None
+def draw_row(
+    title: str, boards: Sequence[tuple[str, NDArray[np.int8]]], width: int, *, dimmed: Mask | None = None, aside: str = ""
 ) -> Group:
-    """Return two boards side by side under a title, as in the paper's Figure 2, narrow enough for `width` columns.
+    """Return boards side by side under a title, or one under the other where `width` does not hold them side by side.
 
     Parameters
     ----------
     dimmed
-        Cells of the right board that are shown dimmed.
+        Cells of the last board that are shown dimmed.
+    aside
+        Lines that stand beside the boards where there is room, and under the title elsewhere.
     """
-    return draw_row(title, [left, right], width, dimmed=dimmed)
-
-
-def draw_row(title: str, boards: Sequence[tuple[str, NDArray[np.int8]]], width: int, *, dimmed: Mask | None = None) -> Group:
-    """Return boards side by side under a title; `dimmed` is of the last."""
-    side, gap = len(boards[0][1]), 3
-    is_wide = width >= len(boards) * (2 * side + gap) - gap
+    side, gap, n_boards = len(boards[0][1]), 3, len(boards)
+    is_wide = width >= n_boards * (2 * side + gap) - gap
+    dims = [None] * (n_boards - 1) + [dimmed]
+    drawn = [draw_board(grid, is_wide=is_wide, dimmed=dim) for (_, grid), dim in zip(boards, dims, strict=True)]
+    labels = [Text(label, "bold") for label, _ in boards]
+    if width < n_boards * (side + gap) - gap:
+        return Group(Text(title), *(part for pair in zip(labels, drawn, strict=True) for part in pair))
     table = Table.grid(padding=(0, gap, 0, 0))
-    table.add_row(*(Text(label, "bold") for label, _ in boards))
-    dims = [None] * (len(boards) - 1) + [dimmed]
-    table.add_row(*(draw_board(grid, is_wide=is_wide, dimmed=dim) for (_, grid), dim in zip(boards, dims, strict=True)))
-    return Group(Text(title), table)
+    beside = width - n_boards * ((2 if is_wide else 1) * side + gap) >= max(map(len, aside.splitlines()), default=0) > 0
+    table.add_row(*labels, *([Text("")] if beside else []))
+    table.add_row(*drawn, *([Text(aside)] if beside else []))
+    return Group(Text(title if beside or not aside else f"{title}\n{aside}"), table)
+
+
+def is_live(console: Console) -> bool:
+    """Whether one frame can be drawn over the other: on a terminal that is more than a typewriter."""
+    return console.is_terminal and not console.is_dumb_terminal
 
 
 class Memory:
@@ -82,13 +95,18 @@ class Memory:
     def __init__(self, side: int) -> None:
         self._ground = np.full((side, side), Code.HIDDEN, np.int8)
 
-    def draw_pair(self, title: str, seen: Observation, width: int) -> Group:
-        """Return what the seat sees, and beside it the same with the ground that it remembers, dimmed."""
+    def recall(self, seen: Observation) -> tuple[NDArray[np.int8], Mask]:
+        """Return what the seat sees with the ground that it remembers behind it, and where that is memory alone."""
         self._ground = np.where(seen.ground == Code.HIDDEN, self._ground, seen.ground)
         grid = seen.grid
         is_hidden = grid == Code.HIDDEN
-        known = np.where(is_hidden, self._ground, grid)
-        return draw_pair(title, (f"what {seen.team.name.lower()} sees", grid), ("and remembers", known), width, dimmed=is_hidden)
+        return np.where(is_hidden, self._ground, grid), is_hidden
+
+    def draw_pair(self, title: str, seen: Observation, width: int, aside: str = "") -> Group:
+        """Return what the seat sees, and beside it the same with the ground that it remembers, dimmed."""
+        known, is_hidden = self.recall(seen)
+        boards = [(f"what {seen.team.name.lower()} sees", seen.grid), ("and remembers", known)]
+        return draw_row(title, boards, width, dimmed=is_hidden, aside=aside)
 
 
 def tell_orders(seen: Observation, orders: bytes) -> str:

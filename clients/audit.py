@@ -24,26 +24,46 @@ Defer = Callable[[Callable[[bytes], None]], Callable[[bytes], None]]
 
 
 def fetch(session: Session, pit: str, seat: Seat, pit_key: bytes, defer: Defer, on_end: Callable[[Verdict], None]) -> None:
-    """Ask for a match's journal, piece by piece, and pass on what was found; `defer` moves an answer to the caller's thread."""
+    """Ask for the journal of a seat's match, and pass on what was found; `defer` moves an answer to the caller's thread."""
+    fetch_journal(
+        session,
+        pit,
+        seat.ticket.match,
+        defer,
+        on_whole=lambda data: on_end(audit(seat, data, pit_key)),
+        on_none=lambda sentence: on_end((None, sentence)),
+    )
+
+
+def fetch_journal(
+    session: Session,
+    pit: str,
+    match: str,
+    defer: Defer,
+    *,
+    on_whole: Callable[[bytes], None],
+    on_none: Callable[[str], None],
+) -> None:
+    """Ask for a match's journal, piece by piece, and pass on its bytes, or a sentence on why it cannot be had."""
 
     def ask(known: bytes) -> None:
-        key = topics.journal(pit, seat.ticket.match)
+        key = topics.journal(pit, match)
         session.ask(key, encode(JournalRequest(offset=len(known))), defer(partial(hear, known)), _ANSWER_S)
 
     def hear(known: bytes, payload: bytes) -> None:
         try:
             message = decode(payload) if payload else None
         except ProtocolError as error:
-            on_end((None, f"the journal cannot be had: {error}"))
+            on_none(f"the journal cannot be had: {error}")
             return
         if isinstance(message, Refusal | Wait):
-            on_end((None, f"the journal is not to be seen {message.reason}"))
+            on_none(f"the journal is not to be seen {message.reason}")
         elif not isinstance(message, JournalPiece) or message.n_bytes > _MOST_BYTES or not message.data:
-            on_end((None, "the journal cannot be had: the pit is gone"))
+            on_none("the journal cannot be had: the pit is gone")
         elif len(known) + len(message.data) < message.n_bytes:
             ask(known + message.data)
         else:
-            on_end(audit(seat, known + message.data, pit_key))
+            on_whole(known + message.data)
 
     ask(b"")
 

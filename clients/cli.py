@@ -1,6 +1,8 @@
 """The sub-command of those who play over the network: `arena join`."""
 
 import signal
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +17,9 @@ if TYPE_CHECKING:
 
     from arena.address import Address
     from clients.audit import Verdict
+    from clients.desk import Desk
     from clients.seat import Seat
+    from clients.settings import Settings
     from clients.spectator import Frame
 
 Authority = Annotated[
@@ -26,9 +30,12 @@ Authority = Annotated[
 def join(
     address: Annotated[str, typer.Argument(help="As `arena serve` prints it; without it, --pit.")] = "",
     team: Annotated[str, typer.Option(help="red, blue or any.")] = "any",
-    policy: Annotated[str, typer.Option(autocompletion=complete_policy, help="A fighter, or a bot file.")] = "rush",
+    policy: Annotated[str, typer.Option(autocompletion=complete_policy, help="A fighter, a bot file, or human: you.")] = "rush",
     program: Annotated[
         str, typer.Option("--exec", metavar="CMD", help="A program that speaks JSON lines, instead of --policy.")
+    ] = "",
+    autopilot: Annotated[
+        str, typer.Option(autocompletion=complete_policy, help="With --policy human: who moves units without orders.")
     ] = "",
     name: Annotated[str, typer.Option(help="What to be called; the policy's name without it.")] = "",
     pit: Annotated[str, typer.Option(metavar="ENDPOINT", help="Zenoh endpoint of the pit.")] = "tcp/127.0.0.1:7447",
@@ -58,7 +65,12 @@ def join(
     if team not in ("red", "blue", "any"):
         raise InputError(f"--team is {team!r}; it must be red, blue or any")
     where = parse_address(address or pit)
-    make = load_policy(f"exec:{program}" if program else policy)
+    notes: list[str] = []
+    is_human = policy == "human" and not program
+    desk = _sit_at_desk(autopilot, slots) if is_human else None
+    if autopilot and desk is None:
+        raise InputError("--autopilot is for --policy human")
+    make = load_policy(f"exec:{program}" if program else policy) if desk is None else desk.make
     entry = check_chunk("the name", name or Path((program.split() or [policy])[0] if program else policy).stem)
     settings = Settings(
         endpoint=where.endpoint,
@@ -69,14 +81,18 @@ def join(
         n_matches=None if forever else matches,
         n_slots=slots if forever else min(slots, matches),
         patience_s=patience,
+        is_patient=is_human,
         rules_hash=load_rules(rules).hash if rules else "",
         identity=load_or_make(entry_key_path(entry)) if key is None else load(key),
         invite=invite,
-        trust=lambda pit_key: _trust(where, pit_key),
+        trust=lambda pit_key: trust(where, pit_key, None if desk is None else notes.append),
         authority=authority,
         on_audit=_say_audit if audit else None,
         transcripts=data_folder(data_folder(data) / "transcripts") if transcripts else None,
     )
+    if desk is not None:
+        _play_as_human(desk, settings, notes)
+        return
     said: set[str] = set()
 
     def on_wait(reason: str) -> None:
@@ -92,14 +108,67 @@ def join(
         raise PolicyError(f"{policy}: {error}") from error
 
 
-def _trust(where: "Address", pit_key: bytes) -> None:
-    """Refuse a pit that is not the one of the address, or not the one that was there before."""
+def _sit_at_desk(autopilot: str, slots: int) -> "Desk":
+    """Return the desk of the person at this terminal, if there is one."""
+    import os
+    import sys
+
+    from clients.desk import Desk
+    from policies.registry import load
+
+    if not (sys.stdin.isatty() and sys.stdout.isatty()) or os.environ.get("TERM") == "dumb":
+        raise InputError("--policy human wants a terminal to draw on and to type in; `arena web` has a page for playing")
+    if slots != 1:
+        raise InputError(f"--slots is {slots}; a person holds one seat at a time")
+    if autopilot:
+        load(autopilot)
+    return Desk(autopilot)
+
+
+def _play_as_human(desk: "Desk", settings: "Settings", notes: list[str]) -> None:
+    """Give the terminal to a person until all is played, and say afterwards what could not be said meanwhile: `notes` too."""
+    from dataclasses import replace
+
+    from clients.runner import Runner
+    from clients.terminal.app import Pit
+
+    over: list[Seat] = []
+    audited: list[tuple[Seat, Verdict]] = []
+    quiet = replace(
+        settings, on_audit=None if settings.on_audit is None else lambda seat, verdict: audited.append((seat, verdict))
+    )
+    runner = Runner(quiet, on_seat=desk.meet, on_end=over.append, on_wait=desk.wait)
+    desk.wake = runner.wake
+    screen = Pit(desk, runner.run, runner.stop)
+    signal.signal(signal.SIGTERM, lambda *_: screen.leave())
+    try:
+        screen.run()
+    finally:
+        screen.close()
+    for note in notes:
+        typer.echo(note, err=True)
+    for seat in over:
+        _say_end(seat)
+    for seat, verdict in audited:
+        _say_audit(seat, verdict)
+    if screen.failure is not None:
+        raise screen.failure
+    if desk.is_playing:
+        typer.echo(f"match {desk.match}: left before its end; it is lost unless {settings.name} soon comes back", err=True)
+
+
+def trust(where: "Address", pit_key: bytes, say: Callable[[str], None] | None = None) -> None:
+    """Refuse a pit that is not the one of the address, or not the one that was there before.
+
+    `say` is told if it is new here; without it, that is printed.
+    """
     from arena.keyring.known_pits import check_pit
     from arena.protocol.identity import from_text, to_text
 
     place = f"{where.endpoint.partition('/')[2]}/{where.pit}"
     if check_pit(place, pit_key, from_text(where.fingerprint) if where.fingerprint else None):
-        typer.echo(f"this pit is new here; from now on {place} must show the key {to_text(pit_key)}", err=True)
+        note = f"this pit is new here; from now on {place} must show the key {to_text(pit_key)}"
+        (partial(typer.echo, err=True) if say is None else say)(note)
 
 
 def _say_seat(seat: "Seat") -> None:
@@ -159,6 +228,7 @@ def watch(
 
     from arena.address import parse_address
     from arena.keyring.files import load_secret
+    from arena.view import is_live
     from clients.spectator import Frame, watch
 
     address = parse_address(pit)
@@ -166,12 +236,12 @@ def watch(
     console = Console()
     last: Frame | None = None
     names = ("?", "?")
-    with Live(console=console, auto_refresh=False, vertical_overflow="visible") as live:
-        for chosen, frame in watch(address, authority, match, lambda pit_key: _trust(address, pit_key), key):
+    with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
+        for chosen, frame in watch(address, authority, match, lambda pit_key: trust(address, pit_key), key):
             names = frame.names or names
             if frame.ended is None and (key is None or frame.truth is not None):
-                drawn = _draw(chosen, names, frame, console.width if console.is_terminal else 10_000)
-                if console.is_terminal:
+                drawn = _draw(chosen, names, frame, console.width if is_live(console) else 10_000)
+                if is_live(console):
                     live.update(drawn, refresh=True)
                 else:
                     typer.echo(_plain(drawn), nl=False)

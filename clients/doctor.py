@@ -48,4 +48,9 @@ def _look_at_pit(pit: str, authority: Path | None) -> Finding:
             lobby = ask_lobby(session, address, pit_key)
     except ArenaError as error:
         return f"pit {pit}", False, str(error)
-    return f"pit {address}", True, f"rules {lobby.rules}, {len(lobby.running)} matches running, {len(lobby.waiting)} waiting"
+    leader = f", {lobby.standings[0]['name']} leads its ladder" if lobby.standings else ""
+    return (
+        f"pit {address}",
+        True,
+        f"rules {lobby.rules}, {len(lobby.running)} matches running, {len(lobby.waiting)} waiting{leader}",
+    )

@@ -69,6 +69,11 @@ class Runner:
         """Leave `run` soon; from a signal."""
         self._is_stopping = True
 
+    def wake(self) -> None:
+        """Ask policies that needed longer at once; from any thread, and of use with `is_patient`."""
+        for slot in self._slots:
+            self._enqueue(_ask_again, slot, None)
+
     def run(self) -> int:
         """Play, and return how many matches ended.
 
@@ -124,6 +129,8 @@ class Runner:
                     checked_at_s = now_s
                     if not session.is_connected() or not self._keep_asking(session, now_s):
                         return
+                    for slot in self._slots:
+                        slot.ask_again()
                 try:
                     handle, slot, heard = self._wait()
                 except Empty:
@@ -278,8 +285,11 @@ class Runner:
         return seat
 
     def _listen(self, session: Session, slot: Slot, key: str) -> None:
-        """Hear the referee: a single seat outside Python, which spares each turn a tenth of its time; several by callbacks."""
-        if len(self._slots) > 1:
+        """Hear the referee: a single seat outside Python, which spares each turn a tenth of its time; several by callbacks.
+
+        By callbacks as well for a policy that takes its time, since it may have its answer when nothing is heard.
+        """
+        if len(self._slots) > 1 or self._settings.is_patient:
             slot.leave.callback(session.subscribe(key, partial(self._enqueue, self._on_turn, slot)))
             return
         slot.ears = session.collect(key, MOST_WAITING)
@@ -330,3 +340,7 @@ class Runner:
         if self._session is not None:
             self._n_auditing += 1
             fetch(self._session, self._settings.pit, seat, self._pit_key, defer, on_end)
+
+
+def _ask_again(slot: Slot, _: None) -> None:
+    slot.ask_again()

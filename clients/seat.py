@@ -41,6 +41,10 @@ def read_rules(values: Mapping[str, Any]) -> Ruleset:
     return from_dict(str(rest.pop("name", "unnamed")), rest)
 
 
+class Thinking(Exception):
+    """A policy, such as a person, needs longer: nothing was answered, and the same message is to be given again later."""
+
+
 class Seat:
     """A policy at work in one seat."""
 
@@ -78,7 +82,7 @@ class Seat:
         return Ready(known_ticks=self.known_ticks)
 
     def receive(self, message: Message) -> Message | None:
-        """Take a message, and return the answer if it wants one."""
+        """Take a message, and return the answer if it wants one; `Thinking`, and nothing has changed, if that takes longer."""
         if self.ended is not None:
             return None
         if type(message) is Turn:
@@ -138,7 +142,11 @@ class Seat:
         if int(observations.tick[0]) != self.known_ticks:
             raise UnreadableError(f"the observation is of tick {observations.tick[0]}, not {self.known_ticks}")
         self._orders[:] = 0
-        self._policy.act(observations, self._orders)
+        try:
+            self._policy.act(observations, self._orders)
+        except Thinking:
+            if played is None:
+                raise
         self.known_ticks += 1
         self._answers.append(self._orders.tobytes() if played is None else played)
         self._head.add(data)

@@ -25,6 +25,8 @@ class Settings:
     """Seats that it may hold at once."""
     patience_s: float = 60.0
     """How long it tries to reach a pit that it has lost."""
+    is_patient: bool = False
+    """Whether the policy may need longer than a moment: it raises `clients.seat.Thinking`, and is asked again."""
     rules_hash: str = ""
     identity: Identity = field(default_factory=Identity.make)
     """Of the entry."""

@@ -11,7 +11,7 @@ from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Ended, Message, Orders, Signed, Ticket
 from arena.protocol.sealing import Opener, Sealer
 from arena.transport import Collector, Put
-from clients.seat import Seat
+from clients.seat import Seat, Thinking
 
 ANSWER_S = 8.0
 """A pit that lives answers a question within this time, if only with Wait."""
@@ -39,6 +39,8 @@ class Slot:
         self._pit_key = b""
         self._sent: tuple[int, bytes] = (-1, b"")
         """The last orders as they were sealed."""
+        self._unanswered: Message | None = None
+        """What the policy still thinks about."""
 
     def free(self) -> None:
         """Let go of the seat."""
@@ -50,7 +52,7 @@ class Slot:
     def fall_silent(self) -> None:
         """Leave the seat's keys on the network; the seat itself may be taken up on another connection."""
         self.leave.close()
-        self.put, self.ears = None, None
+        self.put, self.ears, self._unanswered = None, None, None
 
     def take(self, ticket: Ticket, attempt: Attempt, make: Callable[[Ticket, Commitment], Seat]) -> bool:
         """Take a seat, or the same one again under new keys; return whether it is another.
@@ -90,7 +92,20 @@ class Slot:
             return
         if isinstance(message, Ended):
             raise ForgedError("the ending is not signed")
-        answer = self.seat.receive(message)
+        self._deliver(self.seat, message)
+
+    def ask_again(self) -> None:
+        """Ask a policy that needed longer whether it has its answer now."""
+        if self.seat is not None and self._unanswered is not None:
+            self._deliver(self.seat, self._unanswered)
+
+    def _deliver(self, seat: Seat, message: Message) -> None:
+        self._unanswered = None
+        try:
+            answer = seat.receive(message)
+        except Thinking:
+            self._unanswered = message
+            return
         if answer is not None:
             self.send(answer)
 

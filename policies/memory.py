@@ -26,6 +26,10 @@ class Sight(NamedTuple):
     alive: NDArray[np.uint8]
     enemy_cell: NDArray[np.int16]
     enemy_flies: NDArray[np.uint8]
+    enemy_type: NDArray[np.int8]
+    tick: NDArray[np.int32]
+    living: NDArray[np.int16]
+    score: NDArray[np.int16]
     seed: NDArray[np.uint64]
 
 
@@ -67,6 +71,10 @@ def sight_of(observations: Observations) -> Sight:
         np.ascontiguousarray(observations.alive),
         np.ascontiguousarray(observations.enemy_cell),
         np.ascontiguousarray(observations.enemy_flies),
+        np.ascontiguousarray(observations.enemy_type),
+        np.ascontiguousarray(observations.tick),
+        np.ascontiguousarray(observations.living),
+        np.ascontiguousarray(observations.score),
         np.ascontiguousarray(observations.seed),
     )
 

@@ -9,6 +9,7 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from arena.errors import PolicyError, UnknownNameError
@@ -27,49 +28,78 @@ OWN = {
     "fighter": "policies.heuristics.fighter:Fighter",
     "rush": "policies.heuristics.rush:Rush",
     "spiral": "policies.heuristics.spiral:Spiral",
+    "scout_rush": "policies.heuristics.scout_rush:ScoutRush",
+    "role_team": "policies.heuristics.role_team:RoleTeam",
+    "squad": "policies.heuristics.squad:Squad",
+    "turtle": "policies.heuristics.turtle:Turtle",
+    "border_hunter": "policies.heuristics.border_hunter:BorderHunter",
+    "chameleon": "policies.heuristics.chameleon:Chameleon",
 }
 """Our own fighters: module and class."""
+REFERENCES = {"oracle_rush": "policies.heuristics.oracle_rush:OracleRush"}
+"""Cheats: the local venue shows them the whole board. They are never rated, and no other venue seats them."""
+CHECKPOINT = ".safetensors"
 
 
-def load(spec: str) -> BatchFactory:
-    """Return the fighter that `spec` names: one of ours, one that is installed, a file that ends in .py, or exec:COMMAND.
+def load(spec: str, *, cheats: bool = False) -> BatchFactory:
+    """Return the fighter that `spec` names: ours, an installed one, a file that ends in .py or .safetensors, or exec:COMMAND.
 
     Raises
     ------
     UnknownNameError
         No fighter has that name.
     PolicyError
-        The fighter cannot be loaded.
+        The fighter cannot be loaded, or is a cheat where `cheats` does not let it in.
     """
     if spec.startswith(PREFIX):
         return EachSeatFactory(load_program(spec.removeprefix(PREFIX)))
     if spec.endswith(".py"):
         return EachSeatFactory(load_bot(spec))
-    if spec in OWN:
-        module, _, name = OWN[spec].partition(":")
+    if spec in REFERENCES and not cheats:
+        raise PolicyError(f"{spec} is a cheat, shown the whole board; it plays in `arena play` alone, and is never rated")
+    if spec in OWN or spec in REFERENCES:
+        module, _, name = (OWN | REFERENCES)[spec].partition(":")
         fighter: type[BatchPolicy] = getattr(import_module(module), name)
         return fighter
+    if spec.endswith(CHECKPOINT) or spec in shipped():
+        from policies.learned import load_learned  # torch takes a second to import: only who plays a network waits for it
+
+        return load_learned(Path(spec) if spec.endswith(CHECKPOINT) else shipped()[spec])
     if spec in _installed():
         return _factory(spec, _loaded(_installed()[spec]))
     raise UnknownNameError("policy", spec, names())
 
 
-def load_entry(specs: Mapping[str, str], name: str) -> BatchFactory:
+def load_entry(specs: Mapping[str, str], name: str, *, cheats: bool = False) -> BatchFactory:
     """Return the fighter behind an entry's name; a function of the module, so that workers can be sent it."""
-    return load(specs[name])
+    return load(specs[name], cheats=cheats)
 
 
 def names() -> list[str]:
-    """Return the name of every fighter, our own first."""
-    return [*OWN, *sorted(set(_installed()) - set(OWN))]
+    """Return the name of every fighter, our own first; without the references."""
+    own = [*OWN, *shipped()]
+    return [*own, *sorted(set(_installed()) - set(own))]
+
+
+@cache
+def shipped() -> dict[str, Path]:
+    """Return the files of the trained fighters that come with the arena, by name."""
+    return {file.stem: file for file in sorted((Path(__file__).parent / "weights").glob(f"*{CHECKPOINT}"))}
+
+
+def mark(spec: str) -> str:
+    """Return the name under which tables and journals show a fighter: a cheat is called one."""
+    return f"{spec}-cheat" if spec in REFERENCES else spec
 
 
 def plan(name: str) -> str:
     """Return what a fighter is up to, in a line; nothing is imported for it."""
-    if name in OWN:
-        package, _, module = OWN[name].partition(":")[0].rpartition(".")
+    if name in OWN or name in REFERENCES:
+        package, _, module = (OWN | REFERENCES)[name].partition(":")[0].rpartition(".")
         source = (files(package) / f"{module}.py").read_text(encoding="utf-8")
         return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0]
+    if name in shipped():
+        return "a trained network"
     if name in _installed():
         giver = _installed()[name].dist
         return f"from {giver.name} {giver.version}" if giver else f"from {_installed()[name].module}"

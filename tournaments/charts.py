@@ -102,6 +102,16 @@ def side_plot(side: SideBias) -> Plot:
     )
 
 
+def chance_map(standings: Standings) -> Mapping[str, list[tuple[int, str] | None]]:
+    """Return for each entry how likely it is the stronger of it and each other, as a shade and in percent; None beside itself."""
+    names = [row.name for row in standings.rows]
+    return {one: [_chance(standings.superiority.get((one, other))) for other in names] for one in names}
+
+
+def _chance(share: float | None) -> tuple[int, str] | None:
+    return None if share is None else (round(share * (N_SHADES - 1)), f"{100 * share:.0f}")
+
+
 def heat_map(standings: Standings) -> Mapping[str, list[Cell | None]]:
     """Return a row of cells for each entry; None where two did not meet."""
     names = [row.name for row in standings.rows]

@@ -1,29 +1,32 @@
 """The sub-commands by which fighters meet: `arena play`, `arena tournament` and `arena leaderboard`."""
 
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arena.console import AsJson, complete_ruleset, print_json, print_table, progress_bar, stdout_to_stderr
+from arena.console import AsJson, JsonProgress, complete_ruleset, print_json, print_table, progress_bar, stdout_to_stderr
 from arena.errors import InputError, UnknownNameError
 from policies.cli import complete_policy
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from arena.game.ruleset import Ruleset
     from tournaments.fixture import Tally
     from tournaments.league import League
+    from tournaments.outcome import Outcome
     from tournaments.report import Report
-    from tournaments.scheduler import Folders
-    from tournaments.store import StoredLeague
+    from tournaments.scheduler import Scheduler
 
 FORMATS = ("text", "html", "md", "csv", "json")
 
 
 def complete_league(incomplete: str) -> list[str]:
     """Return the shipped leagues, and the files, that begin like `incomplete`, for the shell."""
-    from tournaments.league import LEAGUES
+    from tournaments.league_file import LEAGUES
 
     return [name for name in (*LEAGUES, *map(str, sorted(Path().glob("*.toml")))) if name.startswith(incomplete)]
 
@@ -67,11 +70,11 @@ def play(
     specs = _entries(one, other)
     with stdout_to_stderr():
         for spec in specs.values():
-            load(spec)
+            load(spec, cheats=True)
     seed = secrets.randbelow(2**53) if seed is None else seed
     first, second = specs
     plans = plan_fixture("play", first, second, pairs, secret_from_seed(seed))
-    finder = partial(load_entry, specs)
+    finder = partial(load_entry, specs, cheats=True)
     with stdout_to_stderr(), progress_bar(len(plans), f"{first} against {second}") as advance:
         records = []
         for record in play_matches(ruleset, plans, finder, journals=journals, n_workers=workers):
@@ -88,9 +91,11 @@ def play(
 
 
 def _entries(one: str, other: str) -> dict[str, str]:
-    """Name two entries by their fighters: a bot file by its stem, the second of two alike with a -2."""
-    names = [Path(spec).stem if spec.endswith(".py") else spec for spec in (one, other)]
-    names = [name.encode("utf-8", "replace").decode() for name in names]  # a file's name may be no text
+    """Name two entries by their fighters, the second of two alike with a -2."""
+    from policies.registry import mark
+    from tournaments.entries import name_of
+
+    names = [name_of(mark(spec)).encode("utf-8", "replace").decode() for spec in (one, other)]  # a file's name may be no text
     if names[0] == names[1]:
         names[1] += "-2"
     return dict(zip(names, (one, other), strict=True))
@@ -148,65 +153,99 @@ def write_league(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="The file to write; one that is there is left alone.")],
 ) -> None:
     """Write a league's file, with comments, to be edited."""
-    from tournaments.league import TEMPLATE
+    from tournaments.league_template import write_template
 
-    if file.suffix != ".toml":
-        raise InputError(f"{file} does not end in .toml, by which a league's file is known")
-    try:
-        with file.open("x", encoding="utf-8") as written:
-            written.write(TEMPLATE)
-    except FileExistsError as error:
-        raise InputError(f"{file} is there already") from error
-    except OSError as error:
-        raise InputError(f"cannot write {file}: {error.strerror}") from error
+    write_template(file)
     typer.echo(f"wrote {file}; edit it, then: arena tournament run {file}")
 
 
 @tournament.command("run")
 def run_league(
     league: LeagueName,
-    venue: Annotated[str, typer.Option(metavar="network|local", help="Where to play; what the league says without it.")] = "",
+    venue: Annotated[str, typer.Option(metavar="network|local|ray", help="Where to play; what the league says without it.")] = "",
     data: Data = None,
     db: Db = "",
     form: Format = "text",
     out: Out = None,
+    progress: Annotated[str, typer.Option(metavar="bar|json", help="How to tell on stderr how far it is.")] = "",
     as_json: AsJson = False,
 ) -> None:
-    """Play what is left of a league, and print the leaderboard. Stopped at any moment, it goes on from there."""
+    """Play what is left of a league, and print the leaderboard. Stopped at any moment, it goes on from there.
+
+    With --progress json, which --json implies, each line on stderr is a JSON object: an "event" (begin, invitation, match,
+    stopped, end) and its facts; of a match how many are "played" "of" how many, at how many "per_s", and the seconds "left_s".
+    """
     import signal
 
     from arena.folders import data_folder
-    from policies.registry import load
-    from tournaments.league import VENUES, load_league
+    from tournaments.confine import NO_LIMITS
+    from tournaments.formats import render, save
+    from tournaments.league import VENUES
+    from tournaments.league_file import load_league
+    from tournaments.rehearsal import rehearse
     from tournaments.report import make_report
     from tournaments.scheduler import Folders, Scheduler
     from tournaments.store import Store
-    from tournaments.venues import VENUES as PLAY
 
     chosen = load_league(league)
     venue, form = _one_of("--venue", venue or chosen.venue, VENUES), _one_of("--format", "json" if as_json else form, FORMATS)
+    is_for_machines = _one_of("--progress", progress or ("json" if as_json else "bar"), ("bar", "json")) == "json"
+    chosen.check_venue(venue)
     folders = Folders(data=data_folder(data))
-    with stdout_to_stderr():
-        for spec in chosen.entries.values():
-            load(spec)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # end the processes of the league, too
+    limits = chosen.limits if venue == "network" else NO_LIMITS
+    rehearse(chosen.entries, chosen.ruleset, folders.homes(chosen.name), limits)
     with Store(db or str(folders.data / "arena.db")) as store, Scheduler(chosen, store, folders) as scheduler:
-        n_left, n_matches = len(scheduler.left), scheduler.n_matches
-        if n_left < n_matches:
-            typer.echo(f"{n_matches - n_left:,} of {n_matches:,} matches were played before", err=True)
-        try:
-            with stdout_to_stderr(), progress_bar(n_left, f"{chosen.name} ({venue})") as advance:
-                for _ in scheduler.run(PLAY[venue]):
-                    advance(1)
-        except KeyboardInterrupt:
-            n_stored = store.count(scheduler.row)
-            typer.echo(f"\nstopped: {n_stored:,} of {n_matches:,} matches are stored; run it again to go on", err=True)
-            raise
+        _play_league(scheduler, venue, f"{chosen.name} ({venue})", is_for_machines=is_for_machines)
         report = make_report(scheduler.row, store.outcomes(scheduler.row), scheduler.secret)
     journals, page = folders.journals(chosen.name), folders.reports / f"{chosen.name}.html"
-    _write(page, _render(report, "html", page, journals))
+    save(page, render(report, "html", page, journals))
     _show(report, form, out, journals)
-    typer.echo(f"report:   {page}\njournals: {journals}", err=form != "text")
+    if is_for_machines:
+        JsonProgress(0).say("end", report=str(page), journals=str(journals))
+    else:
+        typer.echo(f"report:   {page}\njournals: {journals}", err=form != "text")
+
+
+def _play_league(scheduler: "Scheduler", venue: str, title: str, *, is_for_machines: bool) -> None:
+    """Play what is left, and say how it goes."""
+    from tournaments.venues import VENUES
+
+    n_done, n_matches = scheduler.n_done, scheduler.n_matches
+    lines = JsonProgress(n_matches, n_done)
+
+    def tell(text: str, event: str, **facts: object) -> None:
+        if is_for_machines:
+            lines.say(event, **facts)
+        else:
+            typer.echo(text, err=True)
+
+    if n_done or is_for_machines:
+        tell(f"{n_done:,} of {n_matches:,} matches were played before", "begin", league=title, played=n_done, of=n_matches)
+    if scheduler.is_over:
+        return
+
+    def invite(commands: "Mapping[str, str]") -> None:
+        for name, command in commands.items():
+            tell(f"{name} joins with: {command}", "invitation", entry=name, command=command)
+
+    bar = nullcontext() if is_for_machines else progress_bar(n_matches - n_done, title)
+    try:
+        with stdout_to_stderr(), bar as advance:
+            for outcome in scheduler.run(VENUES[venue], invite):
+                if advance is not None:
+                    advance(1)
+                else:
+                    lines.advance("match", identity=outcome.identity, ending=outcome.ending.name.lower(), winner=_winner(outcome))
+    except KeyboardInterrupt:
+        n_done = scheduler.n_done
+        text = f"\nstopped: {n_done:,} of {n_matches:,} matches are stored; run it again to go on"
+        tell(text, "stopped", played=n_done, of=n_matches)
+        raise
+
+
+def _winner(outcome: "Outcome") -> str | None:
+    return None if outcome.winner is None else outcome.blue if outcome.winner.name == "BLUE" else outcome.red
 
 
 @tournament.command("report")
@@ -214,7 +253,7 @@ def report_league(
     league: LeagueName, data: Data = None, db: Db = "", form: Format = "text", out: Out = None, as_json: AsJson = False
 ) -> None:
     """Print the report of a league from its stored results."""
-    from tournaments.league import LEAGUES, load_league
+    from tournaments.league_file import LEAGUES, load_league
 
     is_file = league.endswith(".toml") or league in LEAGUES
     read = load_league(league) if is_file else None
@@ -230,23 +269,13 @@ def show_status(
 ) -> None:
     """Show how far leagues are."""
     from arena.folders import data_folder
-    from tournaments.league import load_league
-    from tournaments.schedule import count_matches
+    from tournaments.league_file import load_league
+    from tournaments.progress import progress_of
     from tournaments.store import Store
 
     name = load_league(league).name if league.endswith(".toml") else league
     with Store(db or str(data_folder(data) / "arena.db"), make=False) as store:
-        rows = [store.get(name)] if name else store.leagues()
-        facts = [
-            {
-                "league": row.name,
-                "entries": len(row.facts["entries"]),
-                "played": (played := store.count(row)),
-                "planned": (planned := count_matches(len(row.facts["entries"]), row.n_pairs, is_gauntlet="hero" in row.facts)),
-                "complete": played >= planned,
-            }
-            for row in rows
-        ]
+        facts = [progress_of(store, row) for row in ([store.get(name)] if name else store.leagues())]
     if as_json:
         print_json(facts)
     else:
@@ -255,14 +284,25 @@ def show_status(
 
 def leaderboard(
     league: Annotated[str, typer.Option(metavar="NAME", help="The league; the one that was run last without it.")] = "",
+    ladder: Annotated[bool, typer.Option("--ladder", help="Show a pit's ladder; --league is then the pit.")] = False,
     data: Data = None,
     db: Db = "",
     form: Format = "text",
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
-    """Print who leads a league, from its stored results."""
-    _report(league, None, data, db, "json" if as_json else form, out)
+    """Print who leads a league, or a ladder, from the stored results."""
+    form = "json" if as_json else form
+    if ladder:
+        from arena.folders import data_folder
+        from tournaments.formats import save
+        from tournaments.ladder_table import FORMATS as LADDER_FORMATS
+        from tournaments.ladder_table import render_ladder
+
+        text = render_ladder(db or str(data_folder(data) / "arena.db"), league, _one_of("--format", form, LADDER_FORMATS))
+        typer.echo(text, nl=False) if out is None else save(out, text)
+        return
+    _report(league, None, data, db, form, out)
 
 
 def _report(name: str, league: "League | None", data: Path | None, db: str, form: str, out: Path | None) -> None:
@@ -270,6 +310,7 @@ def _report(name: str, league: "League | None", data: Path | None, db: str, form
     from arena.folders import data_folder
     from tournaments.report import make_report
     from tournaments.scheduler import Folders
+    from tournaments.secret import recall_secret
     from tournaments.store import Store
 
     _one_of("--format", form, FORMATS)
@@ -277,19 +318,8 @@ def _report(name: str, league: "League | None", data: Path | None, db: str, form
     with Store(db or str(folders.data / "arena.db"), make=False) as store:
         row = store.get(name) if name else store.latest()
         outcomes = store.outcomes(row)
-    secret = None if league is None else _secret_of(league, row, folders)
+    secret = None if league is None else recall_secret(league, folders.keys, row.facts["secret"])
     _show(make_report(row, outcomes, secret), form, out, folders.journals(row.name))
-
-
-def _secret_of(league: "League", row: "StoredLeague", folders: "Folders") -> bytes | None:
-    """Return the secret that a stored league was played under, if it can be had."""
-    from tournaments.secret import commit_to, find_secret
-
-    try:
-        secret = find_secret(league, folders.keys, may_make=False)
-    except InputError:
-        return None
-    return secret if commit_to(secret) == row.facts["secret"] else None
 
 
 def _one_of(option: str, value: str, known: tuple[str, ...]) -> str:
@@ -298,33 +328,17 @@ def _one_of(option: str, value: str, known: tuple[str, ...]) -> str:
     return value
 
 
-def _render(report: "Report", form: str, page: Path, journals: Path) -> str:
-    from tournaments.page import to_html
-    from tournaments.report import to_csv, to_json, to_markdown, to_text
-
-    if form == "html":
-        return to_html(report, page, journals)
-    return {"text": to_text, "md": to_markdown, "csv": to_csv, "json": to_json}[form](report)
-
-
 def _show(report: "Report", form: str, out: Path | None, journals: Path) -> None:
+    from tournaments.formats import render, save
     from tournaments.report import leaderboard as table
     from tournaments.report import summary
 
     if out is not None:
-        _write(out, _render(report, form, out, journals))
+        save(out, render(report, form, out, journals))
         typer.echo(f"wrote {out}", err=True)
     elif form == "text":
         print_table(*table(report))
         for line in summary(report):
             typer.echo(line)
     else:
-        typer.echo(_render(report, form, Path("report.html"), journals), nl=False)
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error
+        typer.echo(render(report, form, Path("report.html"), journals), nl=False)

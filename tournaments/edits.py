@@ -29,6 +29,11 @@ def find_edit(stored: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
     for key, value in stored["clock"].items():
         if value != now["clock"][key]:
             return f"{key} was edited (was {value}, is {now['clock'][key]})"
+    if ("sprt" in stored) != ("sprt" in now):
+        return "its pairing was edited (was sprt, is another)" if "sprt" in stored else "its pairing was edited (is sprt now)"
+    for name, value in stored.get("sprt", {}).items():
+        if value != now["sprt"][name]:
+            return f"{name} of its test was edited (was {value:g}, is {now['sprt'][name]:g})"
     for key, default in (("maps", "paired"), ("hero", None)):
         if stored.get(key, default) != now.get(key, default):
             return f"{key} was edited (was {stored.get(key, default)}, is {now.get(key, default)})"

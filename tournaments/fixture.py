@@ -30,6 +30,16 @@ def plan_fixture(
     return plans
 
 
+def pair_of(identity: str) -> str:
+    """Return what the two matches of a pair, and no others, have in common in their identities."""
+    return identity.rsplit("/", 2)[0]
+
+
+def pair_number(identity: str) -> int:
+    """Return which pair of its fixture a match belongs to, from 0."""
+    return int(pair_of(identity).rpartition("/")[2])
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tally:
     """A fixture as its first entry sees it."""

@@ -15,9 +15,9 @@ from jinja2 import Environment, StrictUndefined, Template
 
 from arena.game.types import Team
 from arena.records.journal import journal_name
-from tournaments.charts import heat_map, rating_plot, say_record, side_plot
+from tournaments.charts import chance_map, heat_map, rating_plot, say_record, side_plot
 from tournaments.outcome import Outcome
-from tournaments.report import Report, fault_kinds, rank_range, warnings
+from tournaments.report import MOST_TOLD, Report, fault_kinds, rank_range, verdict_lines, warnings
 from tournaments.standings import Standing
 from tournaments.store import StoredLeague
 
@@ -51,7 +51,7 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
     failures = [kind for kind in kinds if any(_failures(row)[kind] for row in standings.rows)]
     fixtures = _fixtures(report.outcomes)
     is_listed = standings.n_matches <= MOST_LISTED
-    letters = {} if is_listed else {pair: _letters(report.league, pair, fixtures[pair]) for pair in fixtures}
+    found = {} if is_listed else {pair: _letters(report.league, pair, fixtures[pair]) for pair in fixtures}
     return _template().render(
         report=report,
         league=report.league,
@@ -65,10 +65,13 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
         side=side_plot(standings.side),
         sides=(("blue", standings.side.blue_wins), ("drawn", standings.side.draws), ("red", standings.side.red_wins)),
         heat=heat_map(standings),
+        chances=chance_map(standings) if standings.n_matches else {},
+        residuals=standings.residuals[:MOST_TOLD],
+        verdict=verdict_lines(report),
         warnings=warnings(report),
         fixtures=[_list(report, pair, fixtures[pair], folder) for pair in fixtures] if is_listed else [],
-        numbers={pair: number for number, pair in enumerate(fixtures) if is_listed or letters[pair] is not None},
-        letters=letters,
+        numbers={pair: number for number, pair in enumerate(fixtures)} if is_listed else {},
+        letters={pair: text for pair, text in found.items() if text is not None},
         folder=folder,
         rank_range=rank_range,
         has_latency=any(row.latency for row in standings.rows),

@@ -13,8 +13,8 @@ from scipy.stats import rankdata
 from arena.game.types import Team
 from tournaments.bootstrap import Game, Unit, bootstrap, count
 from tournaments.davidson import ELO, Floats, fit
+from tournaments.fixture import pair_of
 from tournaments.outcome import Outcome
-from tournaments.schedule import pair_of
 
 N_DRAWS = 2_000
 LEVEL = 0.95

@@ -1,27 +1,26 @@
-"""A league's report: its facts as one JSON document, its leaderboard as text, Markdown and CSV; `tournaments.page` makes HTML.
+"""A league's report: its facts as one document, its leaderboard, and what there is to say of it; `tournaments.formats` writes it.
 
 The same results give the same document to the byte, however often the league was stopped on its way: what a clock measured, and
 when the report was written, stands under the one key `wall`.
 """
 
-import csv
-import json
-import re
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
-from io import StringIO
 from typing import Any
 
-from arena.console import format_table
+from tournaments.duel import Duel, duel_facts, judge
 from tournaments.outcome import Outcome
 from tournaments.ratings import N_DRAWS
 from tournaments.schedule import count_matches
+from tournaments.sprt import PAIR_SCORES
 from tournaments.standings import Standing, Standings, stand
 from tournaments.store import StoredLeague
 
 FORMAT = 1
 """Of the JSON document; rises whenever a key changes its meaning."""
+MOST_TOLD = 5
+"""Residuals, and cycles, that a reader is told of; the document holds all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,13 +34,15 @@ class Report:
     secret: bytes | None
     """The league's, once its last match is over."""
     written_at: datetime
+    duel: Duel | None = None
+    """The test that the league plays, if it plays one; then only the matches of its pairs are reported."""
     findings: tuple[str, ...] = ()
     """Sentences on what a reader should beware of, beside those that `warnings` finds itself."""
 
     @property
     def is_complete(self) -> bool:
-        """Whether every match was played."""
-        return self.standings.n_matches >= self.n_planned
+        """Whether every match was played, or enough of them to decide a test."""
+        return (self.duel is not None and self.duel.is_decided) or self.standings.n_matches >= self.n_planned
 
 
 def make_report(
@@ -52,19 +53,21 @@ def make_report(
     n_draws: int = N_DRAWS,
     findings: Iterable[str] = (),
 ) -> Report:
-    """Return the report of a league; its secret is told only if every match was played."""
-    outcomes = tuple(outcomes)
+    """Return the report of a league; its secret is told only if no match is left to be played."""
+    test = judge(league.facts, outcomes := tuple(outcomes))
+    counted = outcomes if test is None else test.outcomes
     names = list(league.facts["entries"])
-    n_planned = count_matches(len(names), league.n_pairs, is_gauntlet="hero" in league.facts)
-    return Report(
+    report = Report(
         league=league,
-        standings=stand(names, outcomes, n_draws=n_draws),
-        outcomes=outcomes,
-        n_planned=n_planned,
-        secret=secret if len(outcomes) >= n_planned else None,
+        standings=stand(names, counted, are_maps_fresh=league.facts.get("maps") == "fresh", n_draws=n_draws),
+        outcomes=counted,
+        n_planned=count_matches(len(names), league.n_pairs, is_gauntlet="hero" in league.facts),
+        secret=secret,
         written_at=datetime.now(UTC),
+        duel=test,
         findings=tuple(findings),
     )
+    return report if report.is_complete else replace(report, secret=None)
 
 
 def to_facts(report: Report) -> dict[str, Any]:
@@ -87,18 +90,32 @@ def to_facts(report: Report) -> dict[str, Any]:
             "ticks": standings.n_ticks,
             "endings": dict(standings.endings),
         },
-        "standings": [_row(row) for row in standings.rows],
+        "standings": [row_facts(row) for row in standings.rows],
         "cross": {
             row.name: {
-                other.name: asdict(record) | {"score": _round(record.score, 4)}
+                other.name: asdict(record) | {"score": rounded(record.score, 4)}
                 for other in standings.rows
                 if (record := standings.cross.get((row.name, other.name))) is not None
             }
             for row in standings.rows
         },
-        "side": {name: _round(value, 4) for name, value in asdict(standings.side).items()}
+        "superiority": {
+            row.name: {
+                other.name: rounded(standings.superiority[row.name, other.name], 4)
+                for other in standings.rows
+                if other.name != row.name
+            }
+            for row in standings.rows
+        },
+        "side": {name: rounded(value, 4) for name, value in asdict(standings.side).items()}
         | {"significant": standings.side.is_significant},
-        "draw_rate": _round(standings.draw_rate, 4),
+        "draw_rate": rounded(standings.draw_rate, 4),
+        "residuals": [{name: rounded(value, 4) for name, value in asdict(residual).items()} for residual in standings.residuals],
+        "cycles": [
+            {"entries": list(cycle.entries), "scores": [rounded(score, 4) for score in cycle.scores], "p": rounded(cycle.p, 6)}
+            for cycle in standings.cycles
+        ],
+        **({} if report.duel is None else {"sprt": duel_facts(report.duel, league.n_pairs)}),
         "wall": {
             "written_at": report.written_at.isoformat(timespec="seconds"),
             "latency": {row.name: None if row.latency is None else asdict(row.latency) for row in standings.rows},
@@ -106,34 +123,31 @@ def to_facts(report: Report) -> dict[str, Any]:
     }
 
 
-def _row(row: Standing) -> dict[str, Any]:
+def row_facts(row: Standing) -> dict[str, Any]:
+    """Return a row of the leaderboard as what JSON can hold."""
     rating, record = row.rating, row.record
     return {
         "rank": rating.rank,
         "rank_low": rating.rank_low,
         "rank_high": rating.rank_high,
         "entry": row.name,
-        "elo": _round(rating.elo, 1),
-        "elo_low": _round(rating.elo_low, 1),
-        "elo_high": _round(rating.elo_high, 1),
+        "elo": rounded(rating.elo, 1),
+        "elo_low": rounded(rating.elo_low, 1),
+        "elo_high": rounded(rating.elo_high, 1),
         "matches": record.n_matches,
         "wins": record.wins,
         "draws": record.draws,
         "losses": record.losses,
         "points": record.wins + record.draws / 2,
-        "score": _round(record.score, 4),
+        "score": rounded(record.score, 4),
         "forfeits": row.forfeits,
         "faults": dict(row.faults),
     }
 
 
-def _round(value: Any, digits: int) -> Any:
+def rounded(value: Any, digits: int) -> Any:
+    """Return a number with so many digits behind its point, and what is none as it is."""
     return round(value, digits) + 0.0 if isinstance(value, float) else value  # + 0.0: there is no -0.0
-
-
-def to_json(report: Report) -> str:
-    """Return the report as one JSON document."""
-    return json.dumps(to_facts(report), indent=2, ensure_ascii=False) + "\n"
 
 
 def leaderboard(report: Report) -> tuple[Sequence[str], list[Sequence[object]]]:
@@ -180,11 +194,41 @@ def _milliseconds(row: Standing) -> tuple[str, str]:
 
 def warnings(report: Report) -> list[str]:
     """Return what a reader should beware of, a sentence each."""
-    side = report.standings.side
+    standings = report.standings
+    side = standings.side
     favoured = "blue" if side.bias > 0 else "red"
     share = 100 * (1 + abs(side.bias)) / 2
     unfair = f"{favoured} is favoured: it takes {share:.1f}% of the points, and the 95% interval of its lead excludes 0"
-    return [*([unfair] if side.is_significant else []), *report.findings]
+    return [
+        *([unfair] if side.is_significant else []),
+        *_first([cycle.sentence for cycle in standings.cycles], "circles"),
+        *_first([residual.sentence for residual in standings.residuals if residual.is_significant], "such fixtures"),
+        *report.findings,
+    ]
+
+
+def _first(sentences: Sequence[str], what: str) -> list[str]:
+    """Return the first of many sentences, and how many there are more."""
+    n_more = len(sentences) - MOST_TOLD
+    return [*sentences[:MOST_TOLD], *([f"{n_more} more {what} are in the JSON document"] if n_more > 0 else [])]
+
+
+def verdict_lines(report: Report) -> list[str]:
+    """Return what the test of a league says, a line each; nothing if it plays none."""
+    test = report.duel
+    if test is None:
+        return []
+    low, high = test.sprt.bounds
+    counts = ", ".join(f"{n:,} of {score:g}" for n, score in zip(test.sprt.counts, PAIR_SCORES, strict=True))
+    lines = [
+        test.verdict(report.league.n_pairs),
+        f"log likelihood ratio {test.sprt.llr:+.2f}: no at {low:+.2f}, yes at {high:+.2f} "
+        f"(elo0 {test.sprt.elo0:g}, elo1 {test.sprt.elo1:g}, alpha {test.sprt.alpha:g}, beta {test.sprt.beta:g})",
+        f"pairs by points of {test.hero}: {counts}",
+    ]
+    if test.n_beyond:
+        lines.append(f"{test.n_beyond:,} matches beyond the deciding pair are stored and do not count")
+    return lines
 
 
 def summary(report: Report) -> list[str]:
@@ -204,41 +248,8 @@ def summary(report: Report) -> list[str]:
             f"drawn {side.draws:,} ({side.draws / standings.n_matches:.1%}); "
             f"two of equal strength would draw {standings.draw_rate:.1%} of their matches"
         )
+    lines += [f"test: {sentence}" for sentence in verdict_lines(report)]
     lines += [f"warning: {sentence}" for sentence in warnings(report)]
     if not report.is_complete:
         lines.append("the league is not over: arena tournament run goes on with it")
     return lines
-
-
-def to_text(report: Report) -> str:
-    """Return the leaderboard and its summary as plain text."""
-    return format_table(*leaderboard(report)) + "\n".join(summary(report)) + "\n"
-
-
-def to_markdown(report: Report) -> str:
-    """Return the leaderboard and its summary as Markdown."""
-    columns, rows = leaderboard(report)
-    marks = ("---" if column == "entry" else "---:" for column in columns)
-    table = (columns, marks, *([_plain(str(cell)) for cell in row] for row in rows))
-    lines = [f"# {_plain(report.league.name)}", "", *(f"| {' | '.join(cells)} |" for cells in table), ""]
-    return "\n".join((*lines, *(f"- {_plain(line)}" for line in summary(report)))) + "\n"
-
-
-def _plain(text: str) -> str:
-    """Escape what Markdown would take for more than text."""
-    return re.sub(r"([\\`*_{}\[\]<>#|~&!])", r"\\\1", " ".join(text.split()))
-
-
-def to_csv(report: Report) -> str:
-    """Return the leaderboard as CSV: a row for each entry, an empty cell for what is not known."""
-    standings = report.standings.rows
-    facts = [_row(row) for row in standings]
-    columns = [name for name in (facts[0] if facts else ()) if name != "faults"]
-    kinds = fault_kinds(standings)
-    text = StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow((*columns, *kinds, "latency_p50_s", "latency_p99_s"))
-    for row, fact in zip(standings, facts, strict=True):
-        latency = (None, None) if row.latency is None else (_round(row.latency.p50_s, 6), _round(row.latency.p99_s, 6))
-        table.writerow((*(fact[name] for name in columns), *(row.faults.get(kind, 0) for kind in kinds), *latency))
-    return text.getvalue()

@@ -26,9 +26,9 @@ from scipy.stats import binom, norm
 
 from arena.game.types import Team
 from tournaments.davidson import ELO, Floats, chances, posterior
+from tournaments.fixture import pair_of
 from tournaments.outcome import Outcome
 from tournaments.ratings import Ratings
-from tournaments.schedule import pair_of
 
 _LEVEL = 0.05
 _POINTS = np.array([1, 0.5, 0])

@@ -30,8 +30,3 @@ def count_matches(n_entries: int, n_pairs: int, *, is_gauntlet: bool = False) ->
     """Return how many matches a league has."""
     n_fixtures = n_entries - 1 if is_gauntlet else n_entries * (n_entries - 1) // 2
     return 2 * n_fixtures * n_pairs
-
-
-def pair_of(identity: str) -> str:
-    """Return what the two matches of a pair, and no others, have in common in their identities."""
-    return identity.rsplit("/", 2)[0]

@@ -32,6 +32,15 @@ def find_secret(league: League, folder: Path, *, may_make: bool) -> bytes:
         raise InputError(f"cannot keep the league's secret in {path}: {error.strerror}") from error
 
 
+def recall_secret(league: League, folder: Path, commitment: str) -> bytes | None:
+    """Return the secret that a league was played under, by what binds it to that; None if it cannot be had."""
+    try:
+        secret = find_secret(league, folder, may_make=False)
+    except InputError:
+        return None
+    return secret if commit_to(secret) == commitment else None
+
+
 def commit_to(secret: bytes) -> str:
     """Return what binds a league to its secret and does not tell it: SHA-256 (hex) under a label."""
     return sha256(b"arena league secret " + secret).hexdigest()

@@ -30,8 +30,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from arena.game.types import Team
+from tournaments.fixture import pair_of
 from tournaments.outcome import Outcome
-from tournaments.schedule import pair_of
 
 PAIR_SCORES = (0.0, 0.5, 1.0, 1.5, 2.0)
 _MATCH_SCORES = np.array(PAIR_SCORES) / 2

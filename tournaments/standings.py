@@ -11,9 +11,10 @@ from statistics import median
 import numpy as np
 
 from arena.game.types import Ending, Team
+from tournaments.fixture import pair_of
 from tournaments.outcome import Outcome
 from tournaments.ratings import N_DRAWS, Rating, rate
-from tournaments.schedule import pair_of
+from tournaments.residuals import Cycle, Residual, find_cycles, find_residuals
 
 FAULTS = ("late", "unreadable", "stale", "garbled", "vanished", "raised")
 """What is counted against an entry, in the order of the report's columns."""
@@ -101,6 +102,11 @@ class Standings:
     """The best first."""
     cross: Mapping[tuple[str, str], Record]
     """Of one entry against another, as the first sees it; both ways."""
+    superiority: Mapping[tuple[str, str], float]
+    """How likely the first is to be the stronger; both ways."""
+    residuals: tuple[Residual, ...]
+    """Every fixture beside what the ratings expect of it, the most surprising first."""
+    cycles: tuple[Cycle, ...]
     side: SideBias
     draw_rate: float
     """Share of draws between equals, as the ratings see it."""
@@ -120,7 +126,9 @@ class _Seen:
     p99s_s: list[float] = field(default_factory=list)
 
 
-def stand(names: Iterable[str], outcomes: Iterable[Outcome], *, n_draws: int = N_DRAWS) -> Standings:
+def stand(
+    names: Iterable[str], outcomes: Iterable[Outcome], *, are_maps_fresh: bool = False, n_draws: int = N_DRAWS
+) -> Standings:
     """Return the table of a league.
 
     Parameters
@@ -129,6 +137,8 @@ def stand(names: Iterable[str], outcomes: Iterable[Outcome], *, n_draws: int = N
         Every entry, with matches or without.
     outcomes
         What was played; void matches are none.
+    are_maps_fresh
+        Whether no map came twice; see `rate`.
     """
     names, outcomes = list(names), list(outcomes)
     seen = {name: _Seen() for name in names}
@@ -145,7 +155,7 @@ def stand(names: Iterable[str], outcomes: Iterable[Outcome], *, n_draws: int = N
                 entry.p50s_s.append(seat.latency_p50_s)
             if seat.latency_p99_s is not None:
                 entry.p99s_s.append(seat.latency_p99_s)
-    ratings = rate(names, outcomes, n_draws=n_draws)
+    ratings = rate(names, outcomes, are_maps_fresh=are_maps_fresh, n_draws=n_draws)
     rows = [
         Standing(
             name=name,
@@ -163,6 +173,9 @@ def stand(names: Iterable[str], outcomes: Iterable[Outcome], *, n_draws: int = N
     return Standings(
         rows=tuple(sorted(rows, key=lambda row: (row.rating.rank, row.name))),
         cross=dict(cross),
+        superiority=ratings.superiority,
+        residuals=find_residuals(ratings, outcomes),
+        cycles=find_cycles(outcomes),
         side=SideBias(
             blue_wins=sides[Team.BLUE], draws=sides[None], red_wins=sides[Team.RED], bias=bias, bias_low=low, bias_high=high,
             elo=ratings.side_elo, elo_low=ratings.side_elo_low, elo_high=ratings.side_elo_high,

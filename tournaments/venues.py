@@ -1,44 +1,35 @@
 """Where the matches of a league are played. Every venue takes plans and yields outcomes as matches end, in no promised order.
 
-`local` plays in this process and its workers. `network` is the real pit: a referee and every entry a process of its own, Zenoh on
-loopback between them.
+`local` plays in this process and its workers, and `ray` does the same on a cluster. `network` is the real pit: a referee and
+every entry a process of its own, Zenoh on loopback between them.
 """
 
-import multiprocessing
-import os
-import signal
-import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 from arena.address import Address
-from arena.errors import ArenaError
+from arena.errors import InputError
 from arena.game.ruleset import Ruleset
-from arena.game.types import Ending, Team
-from arena.games import warm
+from arena.game.types import Team
 from arena.keyring.files import load_or_make
 from arena.referee.local import MatchPlan, MatchRecord
 from arena.referee.local import play as play_matches
-from arena.referee.match import SeatRecord, Terms
-from arena.referee.register import Register
-from arena.referee.seating import PlannedSeating
-from arena.referee.service import Played, Referee
-from arena.referee.table import House
-from arena.transport import free_port, open_router
+from arena.referee.match import Terms
+from arena.transport import free_port
 from policies.registry import load_entry
-from tournaments.confine import NO_LIMITS, Confined, Limits
+from tournaments.confine import NO_LIMITS, Limits
 from tournaments.outcome import Outcome, SeatOutcome
+from tournaments.processes import ClientProcess, RefereeProcess, entry_key_path
+from tournaments.recovery import find_ended
 
-MOST_RESTARTS = 3
-"""Times that a process which died is started anew."""
 _PIT = "league"
-_POLL_S = 0.2
-_PATIENCE_S = 20
-_GOODBYE_S = 5
+
+
+def _tell_nobody(_: Mapping[str, str]) -> None:
+    """Leave it to others to say."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,219 +49,112 @@ class Setting:
     """Folder for the homes of the entries' processes."""
     limits: Limits = NO_LIMITS
     """For each process of an entry."""
+    remote: Mapping[str, bytes] = field(default_factory=dict)
+    """The public keys of those entries that join by themselves; they have no process here."""
+    listen: str = ""
+    """Endpoint of the pit; any free port of loopback without it."""
+    on_open: Callable[[Mapping[str, str]], None] = _tell_nobody
+    """Told, once the pit is open, with which command each of `remote` joins."""
+
+
+def address_of(setting: Setting) -> Address:
+    """Return where the pit of a league is, in the venue `network`."""
+    pit = load_or_make(setting.keys / "pit.key")
+    return Address(endpoint=setting.listen or f"tcp/127.0.0.1:{free_port()}", pit=_PIT, fingerprint=pit.fingerprint)
+
+
+def near(address: Address) -> Address:
+    """Return how an address is reached from this machine: who listens everywhere is also on loopback."""
+    endpoint = address.endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+    return replace(address, endpoint=endpoint)
+
+
+def invitations(setting: Setting, address: Address) -> dict[str, str]:
+    """Return the command with which each entry joins that comes by itself."""
+    return {name: f"arena join '{address}' --name {name} --key FILE --slots {setting.slots} --forever" for name in setting.remote}
 
 
 def play_local(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
     """Play in this process and its workers, without a clock."""
     finder = partial(load_entry, dict(setting.entries))
-    for record in play_matches(setting.ruleset, plans, finder, journals=setting.journals):
+    return _play_rest(setting, plans, lambda left: play_matches(setting.ruleset, left, finder, journals=setting.journals))
+
+
+def play_ray(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+    """Play on a Ray cluster what `local` would play, without a clock.
+
+    Raises
+    ------
+    InputError
+        Ray is not installed.
+    """
+    try:
+        from tournaments.cluster import play
+    except ModuleNotFoundError as error:
+        if error.name != "ray":
+            raise
+        raise InputError("the venue ray needs Ray, which is not installed here: pip install 'arena-pit[cluster]'") from error
+    return _play_rest(setting, plans, lambda left: play(setting.ruleset, left, setting.entries, journals=setting.journals))
+
+
+def _play_rest(
+    setting: Setting, plans: Sequence[MatchPlan], play: Callable[[list[MatchPlan]], Iterator[MatchRecord]]
+) -> Iterator[Outcome]:
+    """Play what has not ended yet."""
+    left = {plan.identity: plan for plan in plans}
+    for outcome in find_ended(setting.journals, setting.ruleset, plans):
+        del left[outcome.identity]
+        yield outcome
+    for record in play(list(left.values())):
         yield _of_record(record)
 
 
 def play_network(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
-    """Play over Zenoh, on loopback.
+    """Play over Zenoh, on loopback. A void match is told of, and not played again here.
 
     Raises
     ------
     ArenaError
         A process died again and again; its log says why.
     """
-    if not plans:
+    left = {plan.identity: plan for plan in plans}
+    for outcome in find_ended(setting.journals, setting.ruleset, plans):
+        del left[outcome.identity]
+        yield outcome
+    if not left:
         return
     setting.journals.mkdir(parents=True, exist_ok=True)
-    names = sorted({name for plan in plans for name in (plan.blue, plan.red)})
-    entries = {name: load_or_make(_entry_key(setting, name)).public for name in names}
-    pit = load_or_make(setting.keys / "pit.key")
-    address = Address(endpoint=f"tcp/127.0.0.1:{free_port()}", pit=_PIT, fingerprint=pit.fingerprint)
+    names = sorted({name for plan in left.values() for name in (plan.blue, plan.red)})
+    ours = [name for name in names if name not in setting.remote]
+    entries = {**setting.remote, **{name: load_or_make(entry_key_path(setting, name)).public for name in ours}}
+    address = address_of(setting)
     with ExitStack() as processes:
-        referee = processes.enter_context(_RefereeProcess(setting, address, entries))
-        referee.start(plans)
-        clients = [processes.enter_context(_ClientProcess(setting, address, name)) for name in names]
-        left = {plan.identity: plan for plan in plans}
+        referee = processes.enter_context(RefereeProcess(replace(setting, on_open=_tell_nobody), address, entries))
+        referee.start(list(left.values()))
+        setting.on_open(invitations(setting, address))
+        clients = [processes.enter_context(ClientProcess(setting, near(address), name)) for name in ours]
         while left:
-            for outcome in referee.hear(list(left.values())):
-                if outcome.ending is not Ending.VOID and left.pop(outcome.identity, None) is not None:
+            is_gone = False
+            try:
+                heard = referee.hear()
+            except EOFError:
+                is_gone = True
+                referee.bury()
+                # What it wrote to a journal and could not tell any more has ended; only the rest is played.
+                heard = list(find_ended(setting.journals, setting.ruleset, left.values()))
+            for outcome in heard:
+                if left.pop(outcome.identity, None) is not None:
                     yield outcome
+            if is_gone and left:
+                referee.start(list(left.values()))
             for client in clients:
                 if any(client.name in (plan.blue, plan.red) for plan in left.values()):
                     client.keep_alive()
 
 
-def _entry_key(setting: Setting, name: str) -> Path:
-    return setting.keys / "entries" / f"{name}.key"
-
-
-VENUES = {"local": play_local, "network": play_network}
-
-
-class _RefereeProcess:
-    """The referee of a league in a process of its own, heard over a pipe."""
-
-    def __init__(self, setting: Setting, address: Address, entries: Mapping[str, bytes]) -> None:
-        self._setting, self._address, self._entries = setting, address, dict(entries)
-        self._context = multiprocessing.get_context("spawn")
-        self._restarts = 0
-
-    def __enter__(self) -> "_RefereeProcess":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.terminate()
-        self._process.join(_GOODBYE_S)
-        self._process.kill()
-
-    def start(self, plans: Sequence[MatchPlan]) -> None:
-        """Start, and wait until the pit is open."""
-        self._heard, said = self._context.Pipe(duplex=False)
-        self._process = self._context.Process(
-            target=_referee,
-            args=(said, self._address, self._entries, self._setting, list(plans)),
-            name="referee",
-            daemon=True,
-        )
-        self._process.start()
-        said.close()
-        try:
-            self._heard.recv()  # it compiles its kernels first, if need be, and clients would not wait for that
-        except EOFError:
-            self._count_death()
-            self.start(plans)
-
-    def hear(self, left: Sequence[MatchPlan]) -> list[Outcome]:
-        """Return the matches that ended meanwhile; a referee that died is started anew with what is left."""
-        try:
-            heard: list[Outcome] = []
-            while self._heard.poll(0 if heard else _POLL_S):
-                heard.append(self._heard.recv())
-            return heard
-        except EOFError:
-            self._count_death()
-            self.start(left)
-            return []
-
-    def _count_death(self) -> None:
-        self._process.join()
-        self._restarts += 1
-        if self._restarts > MOST_RESTARTS:
-            raise ArenaError(f"the referee died {self._restarts} times, last with exit code {self._process.exitcode}")
-
-
-class _ClientProcess:
-    """`arena join` as a process; what it says goes to a log beside the journals."""
-
-    def __init__(self, setting: Setting, address: Address, name: str) -> None:
-        self.name = name
-        self._log = setting.journals / f"{name}.log"
-        self._limits, self._home = setting.limits, setting.homes / name
-        self._command = [
-            sys.executable,
-            "-P",
-            "-c",
-            "from arena.cli import main; main()",
-            "join",
-            str(address),
-            "--key",
-            str(_entry_key(setting, name)),
-            "--no-transcripts",
-            "--no-audit",
-            "--name",
-            name,
-            "--policy",
-            setting.entries[name],
-            "--forever",
-            "--slots",
-            str(setting.slots),
-            "--patience",
-            str(_PATIENCE_S),
-        ]
-        self._restarts = 0
-        self._start()
-
-    def _start(self) -> None:
-        with self._log.open("ab") as log:
-            self._confined = Confined(self._command, self._limits, self._home, log)
-
-    def __enter__(self) -> "_ClientProcess":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._confined.end(_GOODBYE_S)
-
-    def keep_alive(self) -> None:
-        """Start the client anew if it died, while it still has matches to play."""
-        if self._confined.process.poll() is None:
-            return
-        self._confined.end(0)
-        self._restarts += 1
-        if self._restarts > MOST_RESTARTS:
-            raise ArenaError(f"the client of {self.name} died {self._restarts} times; see {self._log}")
-        self._start()
-
-
-def _referee(said: Connection, address: Address, entries: Mapping[str, bytes], setting: Setting, plans: list[MatchPlan]) -> None:
-    """Referee the plans, resuming those whose journal was begun, and say each outcome."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = os.getppid()
-    ours = {plan.identity for plan in plans}
-    warm(setting.ruleset)  # before anybody can ask
-    identity = load_or_make(setting.keys / "pit.key")
-    with open_router(address.endpoint, address.pit) as session:
-        seating = PlannedSeating(plans)
-        referee = Referee(
-            House(session=session, pit=address.pit, identity=identity),
-            setting.ruleset,
-            seating,
-            setting.terms,
-            setting.journals,
-            register=Register(names=entries),
-            on_end=lambda played: said.send(_of_played(played)),
-        )
-        signal.signal(signal.SIGTERM, lambda *_: referee.stop())
-        seating.withdraw(referee.resume(lambda identity: identity in ours))
-        said.send(None)
-        try:
-            referee.run(lambda: (seating.is_done and referee.n_running == 0 and referee.is_deserted) or os.getppid() != parent)
-        finally:
-            referee.close()
+VENUES = {"local": play_local, "network": play_network, "ray": play_ray}
 
 
 def _of_record(record: MatchRecord) -> Outcome:
-    result, plan = record.result, record.plan
-    return Outcome(
-        identity=plan.identity,
-        blue=plan.blue,
-        red=plan.red,
-        ending=result.ending,
-        winner=result.winner,
-        score=result.score,
-        ticks=result.ticks,
-        reason=result.reason,
-        seats={
-            team: SeatOutcome(faults={"unreadable": faults.raised + faults.illegal})
-            for team, faults in zip(Team, record.faults, strict=True)
-        },
-    )
-
-
-def _of_played(played: Played) -> Outcome:
-    header, result = played.header, played.result
-    return Outcome(
-        identity=header.identity,
-        blue=header.blue,
-        red=header.red,
-        ending=result.ending,
-        winner=result.winner,
-        score=result.score,
-        ticks=result.ticks,
-        reason=result.reason,
-        seats={team: _of_seat(seat) for team, seat in played.seats.items()},
-    )
-
-
-def _of_seat(seat: SeatRecord) -> SeatOutcome:
-    ordered = sorted(seat.latencies_s)
-    if not ordered:
-        return SeatOutcome(faults=seat.faults())
-    return SeatOutcome(
-        faults=seat.faults(), latency_p50_s=ordered[len(ordered) // 2], latency_p99_s=ordered[int(len(ordered) * 0.99)]
-    )
+    seats = {team: SeatOutcome(faults={"unreadable": n} if n else {}) for team, n in zip(Team, record.n_unreadable, strict=True)}
+    return Outcome.of(record.plan, record.result, seats)

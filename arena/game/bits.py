@@ -1,4 +1,4 @@
-"""What LLVM has and Python lacks: counting bits, and laying 64 bits of fog over 64 cells."""
+"""What LLVM has and Python lacks: counting and finding bits, and laying 64 bits of fog over 64 cells."""
 
 from typing import Any
 
@@ -16,6 +16,16 @@ def popcount(typing_context: Any, word: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.ctpop(args[0])
+
+    return types.int64(types.uint64), generate
+
+
+@intrinsic
+def lowest_bit(typing_context: Any, word: Any) -> Any:
+    """Return the place of the lowest set bit of a uint64, as int64; of zero, 64."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 0))
 
     return types.int64(types.uint64), generate
 

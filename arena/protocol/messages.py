@@ -20,7 +20,7 @@ A match, message by message; `handshake` says how the first four are sealed, `se
 from dataclasses import dataclass, field
 from typing import Any
 
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 3
 """Rises with every change of a message."""
 
 
@@ -289,6 +289,8 @@ class Lobby:
     """match, blue, red, tick of each."""
     waiting: list[str]
     """Names of those who wait for an opponent."""
+    standings: list[dict[str, Any]] = field(default_factory=list)
+    """Of a ladder, the best first: name, rating, mu, sigma, wins, draws, losses, forfeits of each; else empty."""
 
 
 Message = (

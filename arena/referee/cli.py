@@ -1,20 +1,15 @@
 """The sub-commands of the referee: `arena serve`, and `arena replay`."""
 
-from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from arena.console import AsJson, complete_ruleset, print_json, print_table
 from arena.errors import InputError
 
-if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
-
-    from arena.games import Games
-    from arena.records.journal import Journal
-
+_TURN_S, _HUMAN_TURN_S = 1.0, 30.0
 replay = typer.Typer(no_args_is_help=True, help="Look at journals, or check them.")
 
 
@@ -106,107 +101,63 @@ def show_match(
     from rich.console import Console
 
     from arena.records.transcript import is_transcript
+    from arena.referee.show import show_journal, show_transcript
+    from arena.view import is_live
 
     if team not in (None, "blue", "red"):
         raise InputError(f"--team is {team!r}; it must be blue or red")
     console = Console()
-    if not console.is_terminal:
+    if not is_live(console):
         console.width = 10_000
     if is_transcript(file):
         if team is not None:
             raise InputError("--team is for journals; a transcript is what one seat saw")
-        _show_transcript(console, file, tick, speed)
+        show_transcript(console, file, tick, speed)
     else:
-        _show_journal(console, file, team or "blue", tick, speed)
+        show_journal(console, file, team or "blue", tick, speed)
 
 
-def _show_journal(console: "Console", file: Path, team: str, tick: int | None, speed: float) -> None:
-    from arena.game.types import Team
-    from arena.records.journal import load_journal
-    from arena.referee.replay import replay as play_again
+@replay.command("export")
+def export_match(
+    file: Annotated[Path, typer.Argument(help="A journal, or the transcript of a seat.")],
+    as_gif: Annotated[bool, typer.Option("--gif", help="Every tick, moving.")] = False,
+    as_png: Annotated[bool, typer.Option("--png", help="One tick.")] = False,
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Where to; here, named like the match, without it.")] = None,
+    tick: Annotated[int | None, typer.Option(help="Which tick --png shows; the last without it.")] = None,
+    team: Annotated[str | None, typer.Option(help="Whose view of a journal: blue (without it) or red.")] = None,
+    cell: Annotated[int, typer.Option(min=6, max=64, metavar="PX", help="Width of a cell.")] = 16,
+    speed: Annotated[float, typer.Option(min=0.1, max=50.0, help="Ticks per second, of --gif.")] = 4.0,
+) -> None:
+    """Draw a match as a picture for papers and talks: the two boards that `arena replay show` shows.
 
-    journal = load_journal(file)
-    frames = (_frame(journal, games, Team[team.upper()], console.width) for games in play_again(journal))
-    _play(console, frames, len(journal.ticks), tick, speed)
-    if journal.ending is not None and tick is None:
-        winner = "a draw" if journal.ending.winner is None else f"{journal.ending.winner.name.lower()} wins"
-        how = journal.ending.ending.name.lower().replace("_", " ")
-        console.print(f"{winner} by {how} after {journal.ending.ticks} ticks, score {journal.ending.score} for blue")
+    Of a journal, a team's view at the left and the truth at the right, with the fights marked; of a transcript, what its seat saw
+    and remembered.
+    """
+    from arena.console import progress_bar
+    from arena.referee.export import count_ticks, draw, read_scenes, save_gif, save_png
 
-
-def _show_transcript(console: "Console", file: Path, tick: int | None, speed: float) -> None:
-    from rich.text import Text
-
-    from arena.records.transcript import load_transcript
-    from arena.view import Memory, tell_end, tell_losses, tell_orders, tell_result
-
-    transcript = load_transcript(file)
-    header, seen = transcript.header, list(transcript.observations())
-    memory = Memory(header.ruleset.side)
-
-    def draw(number: int) -> "RenderableType":
-        now = seen[number]
-        title = (
-            f"pit {header.pit}, match {header.match}: {header.name} plays {header.team.name.lower()} against {header.opponent}\n"
-            f"tick {number} of {header.ruleset.tick_limit}   score {now.score:+d}   units {now.living[0]}:{now.living[1]}"
-            f"{'' if now.clock_s is None else f'   bank {now.clock_s:.1f} s'}\n"
-            f"orders: {tell_orders(now, transcript.ticks[number][1])}"
-        )
-        return memory.draw_pair(_plain(title), now, console.width)
-
-    _play(console, map(draw, range(len(seen))), len(seen) - 1, tick, speed)
-    if tick is not None:
-        return
-    lines = list(tell_losses(seen))
-    if transcript.ending is None:
-        how = "stops" if transcript.is_whole else "was cut short"
-        team = header.team.name.lower()
-        lines += [f"the transcript {how} after {len(seen)} ticks, without an ending", f"unfinished as {team}"]
+    if as_gif == as_png:
+        raise InputError("say either --gif, for every tick, or --png, for one")
+    if as_gif and tick is not None:
+        raise InputError("--tick is for --png; --gif shows every tick")
+    if team not in (None, "blue", "red"):
+        raise InputError(f"--team is {team!r}; it must be blue or red")
+    last = count_ticks(file)
+    if tick is not None and not 0 <= tick <= last:
+        raise InputError(f"--tick is {tick}; the match has {f'ticks 0 to {last}' if last >= 0 else 'no ticks'}")
+    chosen = last if tick is None else tick
+    target = out or Path(file.with_suffix(".gif" if as_gif else ".png").name)
+    scenes = read_scenes(file, team)
+    if as_png:
+        save_png(draw(next(islice(scenes, chosen, None)), cell), target)
     else:
-        result = transcript.ending
-        lines += [tell_end(seen, result), tell_result(header.team, result)]
-    for line in lines:
-        console.print(Text(_plain(line)))
-
-
-def _plain(text: str) -> str:
-    """Return text of a stranger's making as a terminal may have it."""
-    return "".join(c if c.isprintable() or c == "\n" else "?" for c in text)
-
-
-def _play(console: "Console", frames: Iterator["RenderableType"], last: int, tick: int | None, speed: float) -> None:
-    """Show the frame of one tick, or of each in its turn."""
-    import time
-    from itertools import islice
-
-    from rich.live import Live
-
-    if tick is not None:
-        if not 0 <= tick <= last:
-            there = f"ticks 0 to {last}" if last >= 0 else "no ticks"
-            raise InputError(f"--tick is {tick}; the match has {there}")
-        console.print(next(islice(frames, tick, None)))
-    elif not console.is_terminal:
-        for frame in frames:
-            console.print(frame)
-    else:
-        with Live(console=console, auto_refresh=False, vertical_overflow="visible") as live:
-            for frame in frames:
-                live.update(frame, refresh=True)
-                time.sleep(1 / speed)
-
-
-def _frame(journal: "Journal", games: "Games", team: Any, width: int) -> "RenderableType":
-    from arena.game.state import Fact
-    from arena.view import draw_pair
-
-    fact = games.state.fact[0]
-    header = journal.header
-    title = (
-        f"blue {header.blue} against red {header.red}   tick {fact[Fact.TICK]} of {header.ruleset.tick_limit}   "
-        f"score {fact[Fact.SCORE]:+d}   units {fact[Fact.BLUE_LIVING]}:{fact[Fact.RED_LIVING]}"
-    )
-    return draw_pair(title, (f"what {team.name.lower()} sees", games.grids()[team, 0]), ("the truth", games.truth(0)), width)
+        with progress_bar(last + 1, "drawing", each="ticks") as advance:
+            images = []
+            for scene in scenes:
+                images.append(draw(scene, cell))
+                advance(1)
+        save_gif(images, target, speed)
+    typer.echo(f"{target}: {'1 tick' if as_png else f'{last + 1} ticks'}, {target.stat().st_size / 1000:,.0f} kB")
 
 
 def serve(
@@ -218,19 +169,38 @@ def serve(
     ] = None,
     matches: Annotated[int | None, typer.Option(min=1, help="End after so many; without it, go on until told to stop.")] = None,
     seed: Annotated[int | None, typer.Option(help="Makes the matches reproducible, and guessable by anyone.")] = None,
-    turn_time: Annotated[float, typer.Option(min=0.001, metavar="SECONDS", help="For each turn.")] = 1.0,
+    turn_time: Annotated[
+        float | None, typer.Option(min=0.001, metavar="SECONDS", help="For each turn; 1, or 30 with --humans.")
+    ] = None,
+    humans: Annotated[bool, typer.Option("--humans", help="People play here: turns last longer.")] = False,
     bank: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="Extra time of a seat for a whole match.")] = 10.0,
     grace: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="How long a seat that vanished keeps its place.")] = 10.0,
     missed: Annotated[int, typer.Option(min=1, help="Turns missed in a row that forfeit a match.")] = 10,
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where journals live; your data folder without it.")] = None,
+    ladder: Annotated[
+        bool, typer.Option("--ladder", help="Match whoever comes by rating and waiting time, and rate them.")
+    ] = False,
+    db: Annotated[
+        str, typer.Option(metavar="URL|FILE", help="The store of a ladder; arena.db in the data folder without it.")
+    ] = "",
     fsync: Annotated[bool, typer.Option("--fsync", help="Let every tick outlive a power cut, at its price.")] = False,
     invite: Annotated[Path | None, typer.Option(metavar="FILE", help="Let in only who has one of its codes, one a line.")] = None,
     certificate: Annotated[
         tuple[Path, Path] | None, typer.Option(metavar="CERT KEY", help="For --listen tls/HOST:PORT: two PEM files.")
     ] = None,
+    web: Annotated[
+        int | None, typer.Option(metavar="PORT", min=1, max=65535, help="Show the pit in the browser, on this machine.")
+    ] = None,
+    no_web: Annotated[bool, typer.Option("--no-web", help="Do not; so it is without --web.")] = False,
 ) -> None:
-    """Open a pit: a match begins when a red and a blue seat are taken. Unfinished matches are taken up again."""
+    """Open a pit: a match begins when a red and a blue seat are taken. Unfinished matches are taken up again.
+
+    With --ladder, entries that wait are matched by the pit, on a map of their own, and rated; `arena leaderboard --ladder` tells.
+    """
     import signal
+    import sys
+    from contextlib import ExitStack, nullcontext
+    from dataclasses import replace
 
     from arena.access import Certificate
     from arena.address import Address
@@ -239,10 +209,16 @@ def serve(
     from arena.game.ruleset import load, parse_overrides
     from arena.keyring.files import load_or_make, load_or_make_secret
     from arena.protocol.topics import check_chunk
+    from arena.referee.ladder import find_ladder
     from arena.referee.match import Terms
     from arena.referee.register import Register, read_invites
     from arena.referee.serve import Pit, PitSettings
+    from arena.referee.web import web_page
 
+    if db and not ladder:
+        raise InputError("--db is where a ladder is kept; give --ladder as well")
+    if web is not None and no_web:
+        raise InputError("--web and --no-web exclude each other")
     if seed is not None:
         typer.echo("arena: warning: anyone can try small seeds; strangers should not be seated under --seed", err=True)
     folder = data_folder(data)
@@ -255,22 +231,32 @@ def serve(
         certificate=None if certificate is None else Certificate(certificate=certificate[0], key=certificate[1]),
         ruleset=load(rules).with_(parse_overrides(settings or [])),
         secret=new_secret() if seed is None else secret_from_seed(seed),
-        terms=Terms(turn_time_s=turn_time, bank_s=bank, grace_s=grace, most_missed=missed),
+        terms=Terms(
+            turn_time_s=turn_time or (_HUMAN_TURN_S if humans else _TURN_S),
+            bank_s=bank,
+            grace_s=grace,
+            most_missed=missed,
+        ),
         journals=folder / "journals",
         n_matches=matches,
         fsync=fsync,
     )
-    server = Pit(chosen)
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: server.stop())
 
     def on_open(n_resumed: int) -> None:
         typer.echo(f"pit open at {chosen.address} (rules {chosen.ruleset.name})")
-        typer.echo(f"join with: arena join {chosen.address} --team any --policy rush")
+        typer.echo(f"join with: arena join {chosen.address} --team any --policy rush{' --forever' if ladder else ''}")
         if n_resumed:
             typer.echo(f"{n_resumed} unfinished matches wait for their seats to come back")
+        if web is not None:
+            sys.stdout.flush()  # the page says its address on the same stdout
+            beside.enter_context(web_page(chosen.address, web, folder, db, None if certificate is None else certificate[0]))
 
-    n_left = server.run(on_open, lambda played: typer.echo(_describe(played)))
+    opened = find_ladder()(db or str(folder / "arena.db"), pit, chosen.ruleset.hash) if ladder else nullcontext()
+    with opened as kept, ExitStack() as beside:
+        server = Pit(replace(chosen, ladder=kept))
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: server.stop())
+        n_left = server.run(on_open, lambda played: typer.echo(_describe(played)))
     if n_left:
         typer.echo(f"{n_left} matches are unfinished; arena serve with the same --data takes them up again")
 

@@ -6,7 +6,7 @@ that a match is made of depends on its row, on the batch or on the process: its 
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,14 +29,18 @@ from arena.referee.workers import work
 ROWS = 512
 """Matches in a batch: enough to make the cost of a tick in Python small beside that of the games."""
 MATCHES_PER_TASK = 1024
+"""At most: what a killed worker has to play again."""
+_FEWEST_PER_TASK, _TASKS_PER_WORKER = 32, 4
 _RECORDS_PER_WRITE, _MOST_WRITES = 16, 64
 Load = Callable[[str], BatchFactory]
 """Makes a fighter from its name; a plain function, so that it can be sent to another process."""
 
 
-_BarePlan = tuple[str, str, str, bytes, bytes]
+BarePlan = tuple[str, str, str, bytes, bytes]
+"""A plan as it crosses to another process: as dataclasses, pickling took longer than playing."""
 _BareFaults = tuple[int, int, str | None]
-_BareRecord = tuple[str, tuple[int, int, int, int], tuple[_BareFaults, _BareFaults], bytes | None]
+BareRecord = tuple[str, tuple[int, int, int, int], tuple[_BareFaults, _BareFaults], tuple[int, int], bytes | None]
+"""A record as it comes back."""
 _TEAMS = {int(Team.BLUE): Team.BLUE, int(Team.RED): Team.RED, -1: None}
 
 
@@ -59,6 +63,8 @@ class MatchRecord:
     result: MatchResult
     """`score` is blue's."""
     faults: tuple[Faults, Faults]
+    n_unreadable: tuple[int, int]
+    """Turns of each team with an answer that was not one action per unit, as the journal marks them."""
     journal: bytes | None
     """The canonical journal, unless it was written to a folder."""
 
@@ -88,25 +94,21 @@ def play(
         A worker died.
     """
     if journals is not None:
-        _make_folder(journals)
-    tasks = list(_split(plans))
-    n_workers = min(n_workers or len(os.sched_getaffinity(0)), len(tasks))
+        make_folder(journals)
+    n_workers = n_workers or len(os.sched_getaffinity(0))
+    tasks = split(plans, n_workers)
+    n_workers = min(n_workers, len(tasks))
     if n_workers <= 1:
         for task in tasks:
             yield from _play_task(ruleset, task, load, journals)
         return
     by_identity = {plan.identity: plan for plan in plans}
-    for played in work([partial(_play_bare, ruleset, _bare(task), load, journals) for task in tasks], n_workers):
-        for identity, result, faults, journal in played:
-            yield MatchRecord(
-                plan=by_identity[identity],
-                result=MatchResult(ending=Ending(result[0]), winner=_TEAMS[result[1]], score=result[2], ticks=result[3]),
-                faults=(_faults(faults[0]), _faults(faults[1])),
-                journal=journal,
-            )
+    for played in work([partial(play_bare, ruleset, strip(task), load, journals) for task in tasks], n_workers):
+        yield from dress(played, by_identity)
 
 
-def _make_folder(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
+    """Make the folder of journals, or say in a sentence why it cannot be."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
@@ -115,59 +117,82 @@ def _make_folder(folder: Path) -> None:
         raise InputError(f"cannot keep journals in {folder}: {error.strerror}") from error
 
 
-def _split(plans: Sequence[MatchPlan]) -> Iterator[list[MatchPlan]]:
-    """Cut plans into tasks of one pairing each, evenly."""
+def split(plans: Sequence[MatchPlan], n_workers: int) -> list[list[MatchPlan]]:
+    """Cut plans into tasks of one pairing each, evenly: enough for all workers to be busy to the end, and no more than that."""
 
     def pairing(plan: MatchPlan) -> tuple[str, str]:
         return plan.blue, plan.red
 
+    share = -(-len(plans) // (_TASKS_PER_WORKER * n_workers))
+    most = min(max(share, _FEWEST_PER_TASK), MATCHES_PER_TASK)
+    tasks = []
     for _, group in groupby(sorted(plans, key=pairing), key=pairing):
         whole = list(group)
-        n_tasks = -(-len(whole) // MATCHES_PER_TASK)
-        for task in range(n_tasks):
-            yield whole[task::n_tasks]
+        n_tasks = -(-len(whole) // most)
+        tasks += [whole[task::n_tasks] for task in range(n_tasks)]
+    return tasks
 
 
-def _bare(plans: list[MatchPlan]) -> list[_BarePlan]:
+def strip(plans: Sequence[MatchPlan]) -> list[BarePlan]:
+    """Return plans as they cross to another process."""
     return [(plan.identity, plan.blue, plan.red, plan.keys.map_key, plan.keys.match_key) for plan in plans]
+
+
+def play_bare(ruleset: Ruleset, plans: list[BarePlan], load: Load, journals: Path | None) -> list[BareRecord]:
+    """Play a task in another process."""
+    whole = [
+        MatchPlan(identity=identity, blue=blue, red=red, keys=MatchKeys(map_key=map_key, match_key=match_key))
+        for identity, blue, red, map_key, match_key in plans
+    ]
+    played: list[BareRecord] = []
+    for record in _play_task(ruleset, whole, load, journals):
+        result = record.result
+        winner = -1 if result.winner is None else int(result.winner)
+        blue, red = ((faults.raised, faults.illegal, faults.first_traceback) for faults in record.faults)
+        played.append(
+            (
+                record.plan.identity,
+                (int(result.ending), winner, result.score, result.ticks),
+                (blue, red),
+                record.n_unreadable,
+                record.journal,
+            )
+        )
+    return played
+
+
+def dress(played: list[BareRecord], by_identity: Mapping[str, MatchPlan]) -> Iterator[MatchRecord]:
+    """Yield records that came back, with their plans."""
+    for identity, (ending, winner, score, ticks), (blue, red), n_unreadable, journal in played:
+        yield MatchRecord(
+            plan=by_identity[identity],
+            result=MatchResult(ending=Ending(ending), winner=_TEAMS[winner], score=score, ticks=ticks),
+            faults=(_faults(blue), _faults(red)),
+            n_unreadable=n_unreadable,
+            journal=journal,
+        )
 
 
 def _faults(bare: _BareFaults) -> Faults:
     return Faults(raised=bare[0], illegal=bare[1], first_traceback=bare[2])
 
 
-def _play_bare(ruleset: Ruleset, plans: list[_BarePlan], load: Load, journals: Path | None) -> list[_BareRecord]:
-    """Play a task in a worker. Plans and records cross as plain tuples: as dataclasses, pickling took longer than playing."""
-    whole = [
-        MatchPlan(identity=identity, blue=blue, red=red, keys=MatchKeys(map_key=map_key, match_key=match_key))
-        for identity, blue, red, map_key, match_key in plans
-    ]
-    played: list[_BareRecord] = []
-    for record in _play_task(ruleset, whole, load, journals):
-        result = record.result
-        winner = -1 if result.winner is None else int(result.winner)
-        blue, red = ((faults.raised, faults.illegal, faults.first_traceback) for faults in record.faults)
-        played.append(
-            (record.plan.identity, (int(result.ending), winner, result.score, result.ticks), (blue, red), record.journal)
-        )
-    return played
-
-
 def _play_task(ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None) -> Iterator[MatchRecord]:
     records = play_batch(ruleset, plans, load(plans[0].blue), load(plans[0].red))
-    return records if journals is None else _save(records, str(journals))
+    return records if journals is None else save(records, journals)
 
 
-def _save(records: Iterator[MatchRecord], folder: str) -> Iterator[MatchRecord]:
+def save(records: Iterator[MatchRecord], folder: Path) -> Iterator[MatchRecord]:
     """Yield records once their journals are written, by a thread beside the games: the disk may take its time."""
+    name = str(folder)
 
     def write(some: list[MatchRecord]) -> list[MatchRecord]:
         for record in some:
             try:
-                save_journal(folder, record.plan.identity, record.journal or b"")
+                save_journal(name, record.plan.identity, record.journal or b"")
             except OSError as error:
                 raise InputError(f"cannot write the journal of {record.plan.identity} in {folder}: {error.strerror}") from error
-        return [MatchRecord(plan=record.plan, result=record.result, faults=record.faults, journal=None) for record in some]
+        return [replace(record, journal=None) for record in some]
 
     with ThreadPoolExecutor(1) as writer:
         writing: deque[Future[list[MatchRecord]]] = deque()
@@ -208,6 +233,7 @@ class _Batch:
         sizes = self._games.n_units
         self._n_orders = sum(sizes.values())
         self._orders = {team: np.zeros((n_rows, sizes[team]), np.int8) for team in Team}
+        self._n_unreadable = np.zeros((n_rows, len(Team)), np.int64)
         self._chains = [b""] * n_rows
         self._pieces: list[list[bytes]] = [[] for _ in range(n_rows)]
 
@@ -216,6 +242,7 @@ class _Batch:
         if not rows:
             return
         self._games.start(rows, [plan.keys for plan in plans])
+        self._n_unreadable[rows] = 0
         states = self._games.digestible()
         for row, plan in zip(rows, plans, strict=True):
             header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
@@ -230,10 +257,12 @@ class _Batch:
         seen = self._games.observe()
         for team, fighter in self._fighters.items():
             self._orders[team][:] = 0
-            fighter.act(seen[team], self._orders[team])
+            told = self._games.observe_without_fog() if type(fighter).is_cheat else seen
+            fighter.act(told[team], self._orders[team])
         orders = np.concatenate([self._orders[team] for team in Team], axis=1)
-        unreadable = [(self._orders[team] < 0).any(axis=1) for team in Team]
-        marks = np.stack(unreadable, axis=1).astype(np.uint8) * np.uint8(Mark.UNREADABLE)
+        unreadable = np.stack([(self._orders[team] < 0).any(axis=1) for team in Team], axis=1)
+        self._n_unreadable += unreadable
+        marks = unreadable.astype(np.uint8) * np.uint8(Mark.UNREADABLE)
         np.maximum(orders, 0, out=orders)
         self._games.step(orders)
         self._write(orders, marks)
@@ -257,9 +286,11 @@ class _Batch:
             if type(fighter).end is not BatchPolicy.end:
                 fighter.end(row, result if team is Team.BLUE else replace(result, score=-result.score))
         self._pieces[row].append(write_ending(self._chains[row], result))
+        blue, red = self._n_unreadable[row].tolist()
         return MatchRecord(
             plan=plan,
             result=result,
             faults=(self._fighters[Team.BLUE].take_faults(row), self._fighters[Team.RED].take_faults(row)),
+            n_unreadable=(blue, red),
             journal=b"".join(self._pieces[row]),
         )

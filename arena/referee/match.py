@@ -54,6 +54,7 @@ class SeatRecord:
     """What was counted of one seat. A number that is not 0 is shown when the match ends."""
 
     late: int = 0
+    """Turns without an answer in time; of a tick that the ending cut off, nothing is counted."""
     unreadable: int = 0
     """Turns with an answer that was not one legal action per unit."""
     stale: int = 0
@@ -148,9 +149,9 @@ class Match:
         return self._seats[team].record
 
     def recover(self, journal: Journal) -> list[Event]:
-        """Play the ticks that a journal holds; before anybody is ready.
+        """Play the ticks that a journal holds, and count what was ruled in them; before anybody is ready.
 
-        Nothing is charged for them: the pit was away, not the seats.
+        No time is charged for them: the pit was away, not the seats.
 
         Raises
         ------
@@ -163,6 +164,8 @@ class Match:
             blue = self._n_units[Team.BLUE]
             self._answers = {Team.BLUE: record.orders[:blue], Team.RED: record.orders[blue:]}
             self._marks = dict(zip(Team, record.marks, strict=True))
+            for team, mark in self._marks.items():
+                self._seats[team].missed = self._seats[team].missed + 1 if Mark.LATE in mark else 0
             is_over = self._games.has_ended(0)
             self._play_tick()
             if is_over or self._chain != record.chain:
@@ -204,7 +207,6 @@ class Match:
         n_units = self._n_units[team]
         if len(actions) != n_units or max(actions, default=0) >= len(Action):
             self._marks[team] |= Mark.UNREADABLE
-            seat.record.unreadable += 1
         self._answers[team] = actions[:n_units].translate(_EFFECT).ljust(n_units, _STAY)
         self._settle_clock(seat, now_s)
         seat.has_answered, seat.missed = True, 0
@@ -235,7 +237,6 @@ class Match:
                 continue
             self._answers[team] = _STAY * self._n_units[team]
             self._marks[team] |= Mark.LATE
-            seat.record.late += 1
             seat.missed += 1
             seat.bank_s, seat.has_answered = 0.0, True
         idle = [team for team, seat in self._seats.items() if seat.missed >= self.terms.most_missed]
@@ -287,6 +288,9 @@ class Match:
         self._orders[0] = np.frombuffer(orders, np.int8)
         self._games.play(self._orders)
         self._past.append(orders)
+        for team, mark in self._marks.items():  # here, so that a journal and who recovers from it count alike
+            self._seats[team].record.late += Mark.LATE in mark
+            self._seats[team].record.unreadable += Mark.UNREADABLE in mark
         marks = bytes((self._marks[Team.BLUE], self._marks[Team.RED]))
         record, self._chain = write_tick(self._chain, orders, marks, self._games.digestible_of(0))
         self._marks = {team: Mark(0) for team in Team}

@@ -169,15 +169,19 @@ class Reception:
             return  # it hears Wait in time, and asks again
         answer = self._seating.place(seat, request)
         if isinstance(answer, Pairing):
-            entries = {team: guest.request.entry for team, at in answer.seats.items() if (guest := self.guests.get(at))}
-            table = self._floor.begin(answer, entries)
-            for team, at in answer.seats.items():
-                guest = self.guests.pop(at)
-                if guest.visitor is not None:
-                    self._sit(table, team, at, guest.visitor)
+            self._begin(answer)
         elif not isinstance(answer, Wait):
             self._forget(seat)
             visitor.answer(answer)
+
+    def _begin(self, pairing: Pairing) -> None:
+        """Begin a match, and seat those of its guests who are asking just now; the others ask again in a moment."""
+        entries = {team: guest.request.entry for team, at in pairing.seats.items() if (guest := self.guests.get(at))}
+        table = self._floor.begin(pairing, entries)
+        for team, at in pairing.seats.items():
+            guest = self.guests.pop(at)
+            if guest.visitor is not None:
+                self._sit(table, team, at, guest.visitor)
 
     def _make_room(self) -> bool:
         """Give up the match whose seats have taken longest to get ready: strangers who never play must not keep others out."""
@@ -215,7 +219,9 @@ class Reception:
             self._forget(seat)
 
     def sweep(self, now_s: float) -> None:
-        """Tell those who have waited for long that they still wait, or that it is of no use."""
+        """Begin what can begin; tell those who have waited for long that they still wait, or that it is of no use."""
+        while len(self._floor.tables) < MOST_RUNNING and (pairing := self._seating.pair_up(now_s)) is not None:
+            self._begin(pairing)
         for seat, guest in list(self.guests.items()):
             waited_s = now_s - guest.asked_at_s
             if guest.visitor is not None and (waited_s >= HOLD_QUESTION_S or self._seating.is_done):

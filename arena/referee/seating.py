@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION, Team
@@ -37,6 +37,10 @@ class Seating(Protocol):
     def place(self, seat: SeatId, request: JoinRequest) -> Pairing | Wait | Refusal | Closed:
         """Take a request, perhaps one that was taken before; a pairing may hold other seats that waited."""
 
+    def pair_up(self, now_s: float) -> Pairing | None:
+        """Return a match that can begin though nobody new came, of seats that were placed; asked again and again."""
+        return None
+
     def forget(self, seat: SeatId) -> None:
         """A seat that waited is gone."""
 
@@ -45,6 +49,10 @@ class Seating(Protocol):
 
     def is_planned(self, names: set[str]) -> bool:
         """Whether two entries are to meet again, on a map that they may know then."""
+
+    def standings(self) -> list[dict[str, Any]]:
+        """Return who leads, as the lobby tells it; nothing where nobody is rated as matches end."""
+        return []
 
     @property
     def is_done(self) -> bool:
@@ -69,7 +77,7 @@ def object_to(request: Message, ruleset: Ruleset) -> str:
     return ""
 
 
-class OpenSeating:
+class OpenSeating(Seating):
     """Whoever comes: a match begins when a red and a blue seat are taken."""
 
     def __init__(self, make_plan: Callable[[str, str], MatchPlan], n_matches: int | None) -> None:
@@ -116,7 +124,7 @@ class OpenSeating:
         self._waiting = {team: waiting for team, waiting in self._waiting.items() if waiting[0] != seat}
 
 
-class PlannedSeating:
+class PlannedSeating(Seating):
     """The matches of a league, in its order as far as those who play them are there."""
 
     def __init__(self, plans: Iterable[MatchPlan]) -> None:

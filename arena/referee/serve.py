@@ -2,7 +2,7 @@
 
 import fcntl
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
@@ -13,12 +13,14 @@ from arena.address import Address
 from arena.errors import InputError
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
 from arena.game.ruleset import Ruleset
+from arena.game.types import Team
 from arena.games import warm
 from arena.protocol.identity import Identity
+from arena.referee.ladder import Ladder, LadderMatch, LadderSeating, find_uncounted, ladder_prefix
 from arena.referee.local import MatchPlan
 from arena.referee.match import Terms
 from arena.referee.register import Register
-from arena.referee.seating import OpenSeating
+from arena.referee.seating import OpenSeating, Seating
 from arena.referee.service import Played, Referee
 from arena.referee.table import House
 from arena.transport import open_router
@@ -46,6 +48,8 @@ class PitSettings:
     n_matches: int | None = None
     fsync: bool = False
     certificate: Certificate | None = None
+    ladder: Ladder | None = None
+    """None seats whoever comes, and rates nobody."""
 
 
 class Pit:
@@ -56,8 +60,13 @@ class Pit:
         self._stopped_at_s: float | None = None
         self._done_at_s: float | None = None
         self._referee: Referee | None = None
-        self._numbers = count(_next_number(settings.journals, settings.address.pit))
-        self._seating = OpenSeating(self._make_plan, settings.n_matches)
+        self._prefix = f"{settings.address.pit}/"
+        self._seating: Seating
+        if settings.ladder is None:
+            self._seating = OpenSeating(self._make_plan, settings.n_matches)
+        else:
+            self._prefix = ladder_prefix(settings.address.pit)
+            self._seating = LadderSeating(settings.ladder, self._make_plan, settings.n_matches, time.monotonic)
 
     def stop(self) -> None:
         """Begin no more matches; a second call does not wait for those that run."""
@@ -75,6 +84,8 @@ class Pit:
             _alone_in(settings.journals),
             open_router(settings.address.endpoint, settings.address.pit, settings.certificate) as session,
         ):
+            counted = self._catch_up()
+            self._numbers = count(_next_number(settings.journals, self._prefix, counted))
             house = House(
                 session=session,
                 pit=settings.address.pit,
@@ -89,7 +100,7 @@ class Pit:
                 settings.terms,
                 settings.journals,
                 register=settings.register,
-                on_end=on_end,
+                on_end=lambda played: self._tell(played, on_end),
             )
             self._referee = referee
             on_open(len(referee.resume(lambda _: True)))
@@ -108,18 +119,45 @@ class Pit:
         self._done_at_s = self._done_at_s or now_s
         return referee.is_deserted or now_s - self._done_at_s > _FAREWELL_S
 
+    def _catch_up(self) -> Collection[str]:
+        """Count what ended on the ladder and was not counted before the pit was killed; return all that has been counted."""
+        ladder, settings = self._settings.ladder, self._settings
+        if ladder is None:
+            return ()
+        counted = ladder.identities()
+        for match in find_uncounted(settings.journals, settings.address.pit, counted):
+            ladder.count(match)
+        return counted
+
+    def _tell(self, played: Played, on_end: Callable[[Played], None]) -> None:
+        """Count a match of the ladder; one that an earlier pit began without it is none."""
+        header = played.header
+        if self._settings.ladder is not None and header.identity.startswith(self._prefix):
+            names = {Team.BLUE: header.blue, Team.RED: header.red}
+            match = LadderMatch(
+                identity=header.identity,
+                names=names,
+                entries=played.entries,
+                rules_hash=header.ruleset.hash,
+                result=played.result,
+            )
+            self._settings.ladder.count(match)
+        on_end(played)
+
     def _make_plan(self, blue: str, red: str) -> MatchPlan:
         """Plan a match of its own: no map is played twice here, since whoever comes may remember."""
-        identity = f"{self._settings.address.pit}/{next(self._numbers):06}/{blue}/{red}"
+        identity = f"{self._prefix}{next(self._numbers):06}/{blue}/{red}"
         secret = self._settings.secret
         keys = MatchKeys(map_key=derive_map_key(secret, identity, 0), match_key=derive_match_key(secret, identity))
         return MatchPlan(identity=identity, blue=blue, red=red, keys=keys)
 
 
-def _next_number(journals: Path, pit: str) -> int:
-    """Return the first number beyond those of a pit's matches that have a journal: no match is written over another."""
-    numbers = [name[1] for path in journals.glob(f"{pit}+*.journal") if len(name := path.name.split("+")) == 4]
-    return max((int(number) + 1 for number in numbers if number.isdecimal()), default=0)
+def _next_number(journals: Path, prefix: str, counted: Collection[str]) -> int:
+    """Return the first number beyond those of a pit's matches that have a journal, or were counted: none is played twice."""
+    start = prefix.replace("/", "+")
+    known = [path.name.removeprefix(start).split("+") for path in journals.glob(f"{start}*.journal")]
+    known += [identity.removeprefix(prefix).split("/") for identity in counted]
+    return max((int(parts[0]) + 1 for parts in known if len(parts) == 3 and parts[0].isdecimal()), default=0)
 
 
 @contextmanager

@@ -19,15 +19,15 @@ from arena.game.ruleset import Ruleset
 from arena.game.types import Ending, Team
 from arena.policy import MatchResult
 from arena.protocol import topics
-from arena.protocol.codec import decode, encode
-from arena.protocol.facts import check_receipt, sign_fact
-from arena.protocol.messages import Lobby, Orders, Ready, Receipt, Signed
-from arena.records.frames import rules_values
+from arena.protocol.codec import decode
+from arena.protocol.facts import check_receipt
+from arena.protocol.messages import Orders, Ready, Receipt, Signed
 from arena.records.journal import Header, journal_name
 from arena.referee.archive import MOST_KEPT, Archive
 from arena.referee.door import Door
 from arena.referee.events import Ask, End, Event, Publish, Write
 from arena.referee.match import Match, SeatRecord, Terms
+from arena.referee.notice import Notice
 from arena.referee.reception import MOST_GUESTS, Reception
 from arena.referee.register import Register
 from arena.referee.resume import resume_matches
@@ -45,10 +45,7 @@ FAREWELL_S = 2.0
 """How long a match that is over waits for its receipts."""
 _MOST_JUNK = 256  # messages beyond one from each seat that are heard before something else is done
 _SWEEP_S = 0.01
-_LOBBY_S = 0.5
 _MOST_ASKED = 16
-_MOST_LISTED = 200
-"""Matches, and guests, that the lobby names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +56,8 @@ class Played:
     result: MatchResult
     """`score` is blue's."""
     seats: dict[Team, SeatRecord]
+    entries: dict[Team, bytes]
+    """Public keys of those who played."""
 
 
 class Referee:
@@ -87,13 +86,12 @@ class Referee:
         self._asked: dict[str, list[Question]] = {}
         """Questions for the journals of those."""
         self._present: set[str] = set()
-        self._lobby, self._lobby_ends_s = b"", 0.0
         self._is_stopping = False
         self.n_dropped = 0
-        self._n_begun = 0
         journals.mkdir(parents=True, exist_ok=True)
         self._register = register or Register()
         self._reception = Reception(self, Door(house.pit, house.identity), self._register, ruleset, seating)
+        self._notice = Notice(house, ruleset, self._reception, seating, self.tables)
         self._archive = Archive(journals)
         session, pit = house.session, house.pit
         session.watch_presence(topics.all_presence(pit), self._enqueue(self._on_presence))
@@ -243,26 +241,7 @@ class Referee:
                 self._part(table.id)
 
     def _on_lobby(self, question: Question) -> None:
-        now_s = time.monotonic()
-        if now_s >= self._lobby_ends_s:
-            self._lobby, self._lobby_ends_s = encode(sign_fact(self._house.identity, self._describe())), now_s + _LOBBY_S
-        question.answer(self._lobby)
-
-    def _describe(self) -> Lobby:
-        matches = [(table.id, table.match) for table in self.tables.values()]
-        return Lobby(
-            pit=self._house.pit,
-            rules=self._ruleset.name,
-            rules_hash=self._ruleset.hash,
-            ruleset=rules_values(self._ruleset),
-            needs_invite=self._register.needs_invite,
-            n_begun=self._n_begun,
-            running=[
-                {"match": id, "blue": match.header.blue, "red": match.header.red, "tick": match.tick}
-                for id, match in matches[:_MOST_LISTED]
-            ],
-            waiting=[guest.request.name for guest in self._reception.guests.values()][:_MOST_LISTED],
-        )
+        question.answer(self._notice.read(time.monotonic()))
 
     def _on_journal(self, question: Question) -> None:
         match = topics.read_journal(question.key)
@@ -275,8 +254,7 @@ class Referee:
 
     def begin(self, pairing: Pairing, entries: dict[Team, bytes]) -> Table:
         """Begin a match of two entries, whose public keys are given."""
-        self._n_begun += 1
-        self._lobby_ends_s = 0.0  # the lobby as it was signed lacks this match
+        self._notice.count_match()
         plan = pairing.plan
         header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
         match = Match(header, self._terms, time.monotonic())
@@ -323,7 +301,9 @@ class Referee:
         del self.tables[table.id]
         self._leaving[table.id] = (table, time.monotonic() + FAREWELL_S)
         logger.info("match %s: %s, winner %s", match.header.identity, result.ending.name.lower(), result.winner)
-        self._on_end(Played(header=match.header, result=result, seats={team: match.record(team) for team in Team}))
+        seats = {team: match.record(team) for team in Team}
+        entries = {team: chair.entry for team, chair in table.chairs.items()}
+        self._on_end(Played(header=match.header, result=result, seats=seats, entries=entries))
 
     def _part(self, match: str) -> None:
         """Close the journal of a match that is over; it may be seen once its whole fixture is."""

@@ -57,6 +57,11 @@ def _deaf_to_interrupts() -> Iterator[None]:
 def _begin() -> None:
     """Prepare a worker: what fighters print goes to stderr, and its parent's death is its own."""
     os.dup2(2, 1)
+    follow_parent()
+
+
+def follow_parent() -> None:
+    """End this process, which `multiprocessing` started, as soon as its parent has ended, however it did."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

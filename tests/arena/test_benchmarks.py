@@ -5,12 +5,14 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 import policies.benchmarks
 import tournaments.benchmarks
+from arena import cli
 from arena.benchmarks import kernel, measure
 from arena.errors import InputError
 from arena.referee import local
@@ -125,3 +127,20 @@ def test_bench_lists_what_can_be_measured(arena: Run) -> None:
 
     assert {"kernel", "policies", "local"} <= set(json.loads(done.stdout))
     assert done.returncode == 0
+
+
+def test_minutes_are_told_to_those_who_take_them(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def quick(progress: Any) -> dict[str, Any]:
+        return {"ran": True}
+
+    def long(progress: Any, minutes: float = 2.0) -> dict[str, Any]:
+        return {"minutes": minutes}
+
+    points = {name: SimpleNamespace(load=lambda run=run: run) for name, run in (("quick", quick), ("long", long))}
+    monkeypatch.setattr(cli, "_points", lambda group: points)
+
+    for minutes, told in ((None, 2.0), (0.5, 0.5)):
+        cli.bench([], run_all=True, minutes=minutes, as_json=True)
+        assert json.loads(capsys.readouterr().out) == {"long": {"minutes": told}, "quick": {"ran": True}}
+    with pytest.raises(InputError, match=r"--minutes is for benchmarks .*; quick do not"):
+        cli.bench(["quick"], minutes=1.0)

@@ -1,10 +1,12 @@
-"""The network venue without a clock gives the journals of the local one, byte by byte."""
+"""The network venue without a clock, and a cluster, give the journals of the local venue, byte by byte."""
 
 import threading
 from collections.abc import Callable
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
+
+import pytest
 
 from arena.errors import LostPitError
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
@@ -20,6 +22,7 @@ from arena.transport import open_router
 from clients.runner import Runner
 from clients.settings import Settings
 from policies import registry
+from tournaments import cluster
 
 PAPER = load("paper")
 SECRET = secret_from_seed(3)
@@ -103,3 +106,16 @@ def test_the_network_venue_gives_the_journals_of_the_local_one(
     for match in played:
         for seat in match.seats.values():
             assert not any(seat.faults().values()), match.header.identity
+
+
+def test_a_cluster_gives_the_journals_of_the_local_venue(
+    size: Callable[[int, int], int], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)  # one of its own
+    wanted = plans(list(product(registry.OWN, repeat=2))[:: size(5, 1)])
+
+    played = list(cluster.play(PAPER, wanted, {name: name for name in registry.OWN}, journals=tmp_path))
+
+    assert len(played) == len(wanted)
+    for record in play(PAPER, wanted, registry.load, n_workers=1):
+        assert (tmp_path / journal_name(record.plan.identity)).read_bytes() == record.journal, record.plan.identity

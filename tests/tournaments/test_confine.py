@@ -1,15 +1,17 @@
 """Fighters under limits: real processes."""
 
 import os
+import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+from family import wait_for_the_end_of
 
 from arena.errors import InputError
 from tournaments.confine import Confined, Limits
-from tournaments.league import parse_league
+from tournaments.league_file import parse_league
 
 WAIT_S = 60.0
 
@@ -68,6 +70,41 @@ def test_what_it_started_ends_with_it(tmp_path: Path) -> None:
     while stat.exists() and " Z " not in stat.read_text():  # a zombie waits for whoever adopts orphans here
         assert time.monotonic() < end_s
         os.sched_yield()
+
+
+HOLDER = """
+import sys
+from pathlib import Path
+from tournaments.confine import Confined, Limits
+folder = Path(sys.argv[1])
+with (folder / "log").open("wb") as log:
+    confined = Confined([sys.executable, "-c", sys.argv[2]], Limits(), folder / "home", log)
+print(confined.process.pid, flush=True)
+input()
+"""
+
+
+def test_it_ends_with_its_children_when_whoever_started_it_is_killed(tmp_path: Path) -> None:
+    sleep = "import time; time.sleep(1000)"
+    code = f"import subprocess, sys; print(subprocess.Popen([sys.executable, '-c', {sleep!r}]).pid, flush=True); {sleep}"
+    command = [sys.executable, "-c", HOLDER, str(tmp_path), code]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None
+        pid = int(holder.stdout.readline())
+        end_s = time.monotonic() + WAIT_S
+        while not (child := (tmp_path / "log").read_text().strip()):
+            assert time.monotonic() < end_s
+            os.sched_yield()
+
+        holder.kill()
+
+        wait_for_the_end_of([pid, int(child)])
+
+
+def test_it_has_nothing_to_read_and_no_child_that_it_did_not_start(tmp_path: Path) -> None:
+    code = "import os, sys\nprint(repr(sys.stdin.read()))\ntry:\n    os.wait()\nexcept ChildProcessError:\n    print('no child')"
+
+    assert run(code, tmp_path, Limits()) == (0, "''\nno child\n")
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,7 @@ def record(
         plan=MatchPlan(identity=f"{pair}/{blue}", blue=blue, red=red, keys=keys),
         result=MatchResult(ending=ending, winner=winner, score=score, ticks=10),
         faults=faults or (Faults(), Faults()),
+        n_unreadable=(0, 0),
         journal=None,
     )
 

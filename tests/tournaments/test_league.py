@@ -8,10 +8,14 @@ import pytest
 
 from arena.errors import InputError, UnknownNameError
 from arena.game.keys import secret_from_seed
+from arena.protocol.identity import to_text
 from arena.protocol.topics import is_chunk
 from tournaments.edits import find_edit, hash_facts
-from tournaments.league import LEAGUES, TEMPLATE, League, load_league, parse_league
-from tournaments.schedule import count_matches, pair_of, plan_league
+from tournaments.fixture import pair_of
+from tournaments.league import League
+from tournaments.league_file import LEAGUES, load_league, parse_league
+from tournaments.league_template import TEMPLATE
+from tournaments.schedule import count_matches, plan_league
 from tournaments.secret import find_secret
 
 TWO = 'entries = ["rush", "patrol"]\n'
@@ -165,8 +169,8 @@ def test_in_a_gauntlet_one_meets_all_the_others() -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ('pairing = "gauntlet"\nentries = ["rush", "patrol"]', "has a hero in a gauntlet, and only there"),
-        ('hero = "rush"\nentries = ["rush", "patrol"]', "has a hero in a gauntlet, and only there"),
+        ('pairing = "gauntlet"\nentries = ["rush", "patrol"]', "has a hero in a gauntlet or an sprt, and only there"),
+        ('hero = "rush"\nentries = ["rush", "patrol"]', "has a hero in a gauntlet or an sprt, and only there"),
         ('pairing = "gauntlet"\nhero = "rsh"\nentries = ["rush", "patrol"]', "did you mean 'rush'"),
         ('pairing = "knockout"\nentries = ["rush", "patrol"]', "unknown pairing of league g 'knockout'"),
         ('maps = "old"\nentries = ["rush", "patrol"]', "unknown maps of league g 'old'"),
@@ -178,6 +182,84 @@ def test_a_pairing_or_maps_that_cannot_be_is_said_in_one_sentence(text: str, say
         parse_league(text, "g", Path())
 
     assert says in str(error.value)
+
+
+KEY, OTHER_KEY = (to_text(bytes([number]) * 32) for number in (1, 2))
+FRESH = 'maps = "fresh"\n[entries]\nrush = "rush"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (FRESH + 'far = "key:abc"', "league g names an entry by its key, and 'abc' is no public key"),
+        (f'[entries]\nrush = "rush"\nfar = "key:{KEY}"', 'who joins by itself may remember it; write maps = "fresh"'),
+        (f'venue = "local"\n{FRESH}far = "key:{KEY}"', "names far by its key, and who joins by itself can only come to venue"),
+        (f'{FRESH}far = "key:{KEY}"\nnear = "key:{KEY}"', "names far and near by one key"),
+        (f'pairing = "sprt"\n{FRESH}far = "key:{KEY}"', "tests far in batches of matches"),
+        ('listen = "7447"\n' + TWO, 'listen = "7447"; it must be an endpoint such as tcp/0.0.0.0:7447'),
+        ("listen = 7447\n" + TWO, "it must be an endpoint"),
+        ('entries = ["rush", "gone.safetensors"]', "names the checkpoint gone.safetensors, and there is no"),
+        ('pairing = "sprt"\nentries = ["rush", "patrol", "random"]', "one of two entries is better, and has 3"),
+        (TWO + "[sprt]\nelo0 = 0", 'plays none; write pairing = "sprt"'),
+        ('pairing = "sprt"\nsprt = 5\n' + TWO, "says sprt = 5; write its bounds below [sprt]"),
+        ('pairing = "sprt"\n' + TWO + "[sprt]\nelo = 5", "did you mean 'elo1'"),
+        ('pairing = "sprt"\n' + TWO + "[sprt]\nelo1 = nan", "says elo1 = NaN in its test"),
+        ('pairing = "sprt"\n' + TWO + "[sprt]\nalpha = true", "says alpha = true in its test"),
+        ('pairing = "sprt"\n' + TWO + "[sprt]\nelo0 = 60", "elo0 must be the lower one"),
+        ('pairing = "sprt"\n' + TWO + "[sprt]\nbeta = 0.7", "it must be above 0 and below 0.5"),
+    ],
+)
+def test_an_entry_from_elsewhere_or_a_test_that_cannot_be_is_said_in_one_sentence(text: str, says: str) -> None:
+    with pytest.raises(InputError) as error:
+        parse_league(text, "g", Path())
+
+    assert says in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_an_entry_may_be_a_public_key() -> None:
+    league = parse_league(f'{FRESH}far = "key:{KEY}"\nother = "key:{OTHER_KEY}"', "g", Path())
+
+    assert {name: to_text(key) for name, key in league.remote.items()} == {"far": KEY, "other": OTHER_KEY}
+    with pytest.raises(InputError, match="names far by its key"):
+        league.check_venue("local")
+
+
+def test_a_checkpoint_is_an_entry_as_a_bot_file_is(tmp_path: Path) -> None:
+    file = tmp_path / "best.safetensors"
+    file.write_bytes(b"one")
+    league = parse('entries = ["best.safetensors", "rush"]', tmp_path)
+    before = league.facts
+    file.write_bytes(b"two")
+    after = parse('entries = ["best.safetensors", "rush"]', tmp_path).facts
+
+    assert league.entries == {"best": str(file), "rush": "rush"}
+    assert before["entries"]["best"].startswith("best.safetensors ")
+    assert "the content of best.safetensors" in str(find_edit(before, after))
+
+
+def test_the_first_of_two_is_tested_unless_a_hero_is_named() -> None:
+    first = parse('pairing = "sprt"\nentries = ["rush", "patrol"]')
+    named = parse('pairing = "sprt"\nhero = "patrol"\nentries = ["rush", "patrol"]\n[sprt]\nelo0 = -5\nelo1 = 5\nalpha = 0.01')
+
+    assert (first.hero, named.hero) == ("rush", "patrol")
+    assert first.facts["sprt"] == {"elo0": 0.0, "elo1": 50.0, "alpha": 0.05, "beta": 0.05}
+    assert named.facts["sprt"] == {"elo0": -5.0, "elo1": 5.0, "alpha": 0.01, "beta": 0.05}
+    assert find_edit(first.facts, parse('pairing = "sprt"\npairs = 99\nentries = ["rush", "patrol"]').facts) is None
+
+
+@pytest.mark.parametrize(
+    ("edited", "named"),
+    [
+        ('pairing = "sprt"\nentries = ["patrol", "rush"]', "hero was edited (was rush, is patrol)"),
+        ('pairing = "sprt"\nentries = ["rush", "patrol"]\n[sprt]\nelo1 = 60', "elo1 of its test was edited (was 50, is 60)"),
+        (TWO, "its pairing was edited (was sprt, is another)"),
+    ],
+)
+def test_an_edited_test_is_named(edited: str, named: str) -> None:
+    before = parse('pairing = "sprt"\nentries = ["rush", "patrol"]').facts
+
+    assert find_edit(before, parse(edited).facts) == named
 
 
 def test_where_maps_are_fresh_no_map_comes_twice_and_matches_keep_their_keys() -> None:

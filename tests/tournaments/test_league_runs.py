@@ -17,10 +17,12 @@ from sqlalchemy import text
 from arena.errors import ArenaError, UnknownNameError
 from arena.game.types import Ending, Team
 from arena.referee.local import MatchPlan
-from tournaments.league import League, parse_league
+from tournaments.formats import to_json, to_text
+from tournaments.league import League
+from tournaments.league_file import parse_league
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.page import MOST_LISTED, to_html
-from tournaments.report import Report, make_report, to_facts, to_json, to_text
+from tournaments.report import Report, make_report, to_facts
 from tournaments.scheduler import MOST_ROUNDS, Folders, Scheduler
 from tournaments.store import Store, StoreError
 from tournaments.venues import Setting, play_local
@@ -222,7 +224,9 @@ def test_the_nearest_league_is_named(tmp_path: Path) -> None:
 def test_the_document_holds_what_it_promises(tmp_path: Path) -> None:
     facts = json.loads(to_json(run(tmp_path, pretend)))
 
-    assert list(facts) == ["format", "league", "matches", "standings", "cross", "side", "draw_rate", "wall"]
+    assert list(facts) == [
+        "format", "league", "matches", "standings", "cross", "superiority", "side", "draw_rate", "residuals", "cycles", "wall",
+    ]  # fmt: skip
     assert facts["matches"] == {"played": 12, "planned": 12, "complete": True, "ticks": 36, "endings": {"capture": 12}}
     assert [row["entry"] for row in facts["standings"]] == ["patrol", "random", "rush"]
     best = facts["standings"][0]

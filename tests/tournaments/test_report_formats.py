@@ -1,17 +1,23 @@
 """A league's report as Markdown and CSV, what it warns of, and what is drawn of it."""
 
 import csv
+import random
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
+from html import unescape
 from io import StringIO
+from itertools import combinations
 from pathlib import Path
 
 import pytest
 
 from arena.game.types import Ending, Team
 from tournaments.charts import N_SHADES, heat_map, rating_plot, side_plot
+from tournaments.formats import to_csv, to_markdown, to_text
 from tournaments.outcome import Outcome, SeatOutcome
-from tournaments.report import Report, leaderboard, make_report, summary, to_csv, to_markdown, to_text
+from tournaments.page import to_html
+from tournaments.report import MOST_TOLD, Report, leaderboard, make_report, summary, to_facts
 from tournaments.store import StoredLeague
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
@@ -64,7 +70,7 @@ def test_markdown_tells_what_the_text_tells_and_names_stay_text() -> None:
 
     assert told.startswith("# friday\\_night\n\n| rank |")
     columns, rows = leaderboard(report())
-    lines = [line for line in told.splitlines() if line.startswith("|")]
+    lines = [line for line in told.partition("## ")[0].splitlines() if line.startswith("|")]
     assert len(lines) == len(rows) + 2
     assert all(line.replace("\\|", "").count("|") == len(columns) + 1 for line in lines)
     assert "\\_odd\\_" in told
@@ -132,3 +138,81 @@ def test_the_commands_print_every_format(arena: Arena, tmp_path: Path) -> None:
     assert ran.stdout == led.stdout
     assert {row["entry"] for row in csv.DictReader(StringIO(led.stdout))} == {"rush", "random"}
     assert told.stdout.startswith("# friday\n\n| rank | entry |")
+
+
+def league_of(names: str, n_pairs: int, lead: Callable[[str, str], float]) -> Report:
+    """Return a league in which blue wins with the chance `lead(blue, red)`."""
+    rng = random.Random(1)
+    outcomes = [
+        replace(outcome(one, other, pair, blue, None), winner=Team.BLUE if rng.random() < lead(*seats) else Team.RED)
+        for one, other in combinations(names, 2)
+        for pair in range(n_pairs)
+        for blue, seats in ((one, (one, other)), (other, (other, one)))
+    ]
+    facts = {"ruleset": "paper", "rules": "0", "entries": dict.fromkeys(names, "rush"), "secret": "0"}
+    return make_report(StoredLeague(id=1, name="l", hash="0", n_pairs=n_pairs, facts=facts), outcomes, n_draws=50)
+
+
+def in_a_circle(blue: str, red: str) -> float:
+    return 0.9 if f"{blue}{red}" in ("ab", "bc", "ca") else 0.1 if f"{red}{blue}" in ("ab", "bc", "ca") else 0.5
+
+
+def test_a_circle_and_what_no_rating_expects_are_told_everywhere(tmp_path: Path) -> None:
+    told = league_of("abcd", 60, in_a_circle)
+    facts = to_facts(told)
+    [circle] = facts["cycles"]
+    says = told.standings.cycles[0].sentence
+
+    assert circle["entries"] == ["a", "b", "c"]
+    assert all(score > 0.7 for score in circle["scores"])
+    assert len(facts["residuals"]) == 6
+    assert sum(residual["is_significant"] for residual in facts["residuals"]) == 3
+    for text in (to_text(told), to_markdown(told).replace("\\", ""), unescape(to_html(told, tmp_path / "a.html", tmp_path))):
+        assert says in text
+        assert told.standings.residuals[0].sentence in text
+
+
+def test_a_league_by_strength_has_nothing_to_beware_of() -> None:
+    told = league_of("abcd", 30, lambda blue, red: 1 / (1 + 2 ** (ord(blue) - ord(red))))
+
+    assert to_facts(told)["cycles"] == []
+    assert "warning" not in to_text(told)
+
+
+def test_who_is_likely_the_stronger_is_told_in_every_format(tmp_path: Path) -> None:
+    told = league_of("abcd", 30, lambda blue, red: 1 / (1 + 2 ** (ord(blue) - ord(red))))
+    facts = to_facts(told)["superiority"]
+    page = to_html(told, tmp_path / "a.html", tmp_path)
+
+    assert facts["a"].keys() == set("bcd")
+    assert all(facts[one][other] == pytest.approx(1 - facts[other][one]) for one, other in combinations("abcd", 2))
+    assert facts["a"]["d"] > 0.99
+    best, next_best = (row.name for row in told.standings.rows[:2])
+    percent = f"{100 * facts[best][next_best]:.0f}"
+    assert f"| {best} |  | {percent} |" in to_markdown(told)
+    assert f">{percent}</td>" in page.partition("Who is the stronger")[2]
+
+
+def test_many_warnings_are_cut_short_and_the_rest_is_counted() -> None:
+    told = league_of("abcd", 60, in_a_circle)
+    many = replace(told, standings=replace(told.standings, cycles=told.standings.cycles * (MOST_TOLD + 2)))
+
+    assert "2 more circles are in the JSON document" in to_text(many)
+    assert to_text(many).count("no rating shows that") == MOST_TOLD
+
+
+def test_where_maps_are_fresh_the_intervals_are_over_matches() -> None:
+    """Each pair is split here: to draw pairs draws splits again, to draw matches may draw one side's wins alone."""
+
+    def width(maps: str) -> float:
+        outcomes = [
+            outcome("a", "b", pair, blue, Team.RED if pair % 2 else Team.BLUE)  # whoever it is, it has this side once
+            for pair in range(20)
+            for blue in "ab"
+        ]
+        facts = {"ruleset": "paper", "rules": "0", "entries": {"a": "rush", "b": "rush"}, "secret": "0", "maps": maps}
+        league = StoredLeague(id=1, name="l", hash="0", n_pairs=20, facts=facts)
+        rating = make_report(league, outcomes, n_draws=200).standings.rows[0].rating
+        return rating.elo_high - rating.elo_low
+
+    assert width("fresh") > 4 * width("paired")

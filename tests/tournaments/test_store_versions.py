@@ -21,11 +21,13 @@ OUTCOME = Outcome(
 )
 GROWN = """
 from alembic import op
-revision, down_revision = "0002", "0001"
+revision, down_revision = "0003", "0002"
 def upgrade():
     op.execute("ALTER TABLE leagues ADD COLUMN colour VARCHAR(9)")
     op.execute("UPDATE leagues SET colour = 'red'")
 """
+LAST = upgrade.VERSION
+BACK_TO_THE_FIRST = [f"DROP TABLE {name}" for name in ("alembic_version", "ladder_matches", "ladder_entries")]
 BROKEN = GROWN + "    op.execute('ALTER TABLE nowhere ADD COLUMN colour VARCHAR(9)')\n"
 
 
@@ -55,11 +57,15 @@ def newer_arena(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Pretend that this arena has one version more, and return the file of its way there."""
     scripts = tmp_path / "100% scripts"
     (scripts / "versions").mkdir(parents=True)
-    for source in ("env.py", "versions/v0001_leagues_and_matches.py"):
-        (scripts / source).write_text((files("tournaments.migrations") / source).read_text())
+    shipped = files("tournaments.migrations")
+    for source in (
+        "env.py",
+        *(f"versions/{path.name}" for path in (shipped / "versions").iterdir() if path.name.startswith("v0")),
+    ):
+        (scripts / source).write_text((shipped / source).read_text())
     (scripts / "versions" / "grown.py").write_text(GROWN)
     monkeypatch.setattr(upgrade, "_SCRIPTS", scripts)
-    monkeypatch.setattr(upgrade, "VERSION", "0002")
+    monkeypatch.setattr(upgrade, "VERSION", "0003")
     return scripts / "versions" / "grown.py"
 
 
@@ -74,12 +80,12 @@ def test_the_last_version_is_the_one_that_stores_are_checked_against() -> None:
 
 def test_a_store_without_a_version_is_the_first_and_keeps_its_results(store_url: str) -> None:
     fill(store_url)
-    run(store_url, "DROP TABLE alembic_version")
+    run(store_url, *BACK_TO_THE_FIRST)
 
     assert read(store_url) == [OUTCOME]
     with Store(store_url) as store:
         assert not store.add(store.latest(), OUTCOME)
-    assert run(store_url, "SELECT version_num FROM alembic_version") == ["0001"]
+    assert run(store_url, "SELECT version_num FROM alembic_version") == [LAST]
     assert read(store_url) == [OUTCOME]
 
 
@@ -102,14 +108,14 @@ def test_an_older_store_is_brought_up_to_date(
 ) -> None:
     fill(store_url)
     if not is_numbered:
-        run(store_url, "DROP TABLE alembic_version")
+        run(store_url, *BACK_TO_THE_FIRST)
     request.getfixturevalue("newer_arena")
 
     with Store(store_url, make=make) as store:
         assert store.outcomes(store.latest()) == [OUTCOME]
 
     assert run(store_url, "SELECT colour FROM leagues") == ["red"]
-    assert run(store_url, "SELECT version_num FROM alembic_version") == ["0002"]
+    assert run(store_url, "SELECT version_num FROM alembic_version") == ["0003"]
 
 
 def test_an_upgrade_that_fails_leaves_the_store_as_it_was(store_url: str, newer_arena: Path) -> None:
@@ -123,7 +129,7 @@ def test_an_upgrade_that_fails_leaves_the_store_as_it_was(store_url: str, newer_
     engine = reach(store_url, must_exist=False)[0]
     assert "colour" not in [column["name"] for column in inspect(engine).get_columns("leagues")]
     engine.dispose()
-    assert run(store_url, "SELECT version_num FROM alembic_version") == ["0001"]
+    assert run(store_url, "SELECT version_num FROM alembic_version") == [LAST]
     assert run(store_url, "SELECT identity FROM matches") == ["friday/0"]
 
 

@@ -14,24 +14,41 @@ for (const button of document.querySelectorAll(".sortable thead button")) button
   body.append(...known.sort((a, b) => isUp ? order(a, b) : order(b, a)), ...unknown);
 });
 
-// A cell of the cross table unfolds the list of its fixture's matches; the lists of a large league are written only then.
+// A cell of the cross table unfolds the list of its fixture's matches. Of a large league the page holds only a letter for each
+// match, in one of the two cells of its fixture; cells and lists are made of these.
 const lists = document.getElementById("matches");
-const make = (kind, text = "") => Object.assign(document.createElement(kind), {textContent: text});
+const make = (kind, facts) => Object.assign(document.createElement(kind), facts);
+const fixtures = [];
+const count = (letters, of) => [...letters].filter(letter => letter === of).length;
+const say = (one, other, wins, draws, losses) => `${one} v ${other}: ` +
+  [[wins, "won"], [draws, "drawn"], [losses, "lost"]].filter(([n]) => n).map(([n, how]) => `${n} ${how}`).join(", ");
+for (const cell of document.querySelectorAll(".cross [data-letters]")) {
+  const row = cell.parentNode, table = cell.closest("table"), heads = table.tHead.rows[0].cells;
+  const mirror = table.tBodies[0].rows[cell.cellIndex - 1].cells[row.sectionRowIndex + 1];
+  const names = [row.cells[0].title, heads[cell.cellIndex].title], letters = cell.dataset.letters;
+  const [wins, draws, losses] = [..."wdl"].map(letter => count(letters, letter));
+  const says = [say(...names, wins, draws, losses), say(...[...names].reverse(), losses, draws, wins)];
+  [cell, mirror].forEach((one, index) => {
+    const button = make("button", {textContent: one.textContent, title: says[index]});
+    button.dataset.of = fixtures.length;
+    one.replaceChildren(button);
+  });
+  fixtures.push({names, letters, says: says[0]});
+}
 const write = number => {
-  const cell = document.querySelector(`[data-of="${number}"][data-letters]`);
-  const row = cell.closest("tr"), table = cell.closest("table");
-  const names = [row.cells[0].title, table.tHead.rows[0].cells[cell.closest("td").cellIndex].title];
-  const list = make("ul"), details = make("details"), summary = make("summary", cell.title);
-  [...cell.dataset.letters].forEach((letter, index) => {
+  const {names, letters, says} = fixtures[number];
+  const list = make("ul"), details = make("details"), summary = make("summary", {textContent: says, id: `fixture-${number}`});
+  [...letters].forEach((letter, index) => {
     if (letter === "-") return;
     const pair = String(index >> 1).padStart(4, "0"), [blue, red] = index % 2 ? [names[1], names[0]] : names;
-    const link = make("a", `blue ${blue}, red ${red}`), item = make("li");
     const journal = [lists.dataset.league, ...names, pair, `${blue}-blue`, "0.journal"].join("+");
-    link.href = lists.dataset.folder + encodeURIComponent(journal);
-    item.append(link, letter === "d" ? ": draw" : `: ${letter === "w" ? names[0] : names[1]} wins`);
+    const item = make("li");
+    item.append(
+      make("a", {textContent: `blue ${blue}, red ${red}`, href: lists.dataset.folder + encodeURIComponent(journal)}),
+      letter === "d" ? ": draw" : `: ${letter === "w" ? names[0] : names[1]} wins`,
+    );
     list.append(item);
   });
-  summary.id = `fixture-${number}`;
   details.append(summary, list);
   lists.append(details);
   return summary;

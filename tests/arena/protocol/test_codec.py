@@ -180,7 +180,7 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
         for kind in KINDS
     }
 
-    assert PROTOCOL_VERSION == 2
+    assert PROTOCOL_VERSION == 3
     assert [kind.__name__ for kind in KINDS] == [
         "Hello",
         "Challenge",

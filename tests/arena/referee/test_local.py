@@ -17,7 +17,7 @@ from arena.game.types import Ending, Team
 from arena.observation import Observation
 from arena.policy import BatchFactory, MatchInfo, MatchResult
 from arena.records.journal import Mark, journal_name, load_journal, read_journal
-from arena.referee.local import MATCHES_PER_TASK, MatchPlan, MatchRecord, play, play_batch
+from arena.referee.local import MATCHES_PER_TASK, MatchPlan, MatchRecord, play, play_batch, split
 from arena.referee.replay import verify
 from policies import registry
 from policies.each_seat import EachSeatFactory
@@ -84,6 +84,17 @@ def test_more_matches_than_a_task_holds_are_each_played_once(planned: Plan, smal
     records = list(play(small_rules, many, lambda _: registry.load("random"), n_workers=1))
 
     assert sorted(record.plan.identity for record in records) == sorted(plan.identity for plan in many)
+
+
+@pytest.mark.parametrize(("n_matches", "n_workers", "n_tasks"), [(1_000, 16, 32), (640, 4, 16), (40, 16, 2), (5_000, 1, 5)])
+def test_one_pairing_is_work_for_every_core(planned: Plan, n_matches: int, n_workers: int, n_tasks: int) -> None:
+    many = [planned(f"small/{number}") for number in range(n_matches)]
+
+    tasks = split(many, n_workers)
+
+    assert len(tasks) == n_tasks
+    assert max(map(len, tasks)) - min(map(len, tasks)) <= 1
+    assert sorted(plan.identity for task in tasks for plan in task) == sorted(plan.identity for plan in many)
 
 
 def test_no_plans_give_no_matches(tmp_path: Path) -> None:

@@ -520,6 +520,43 @@ def test_a_match_that_was_cut_anywhere_ends_with_the_same_journal(
     assert resumed.journal == whole.journal
     assert verify(resumed.read()) == 6
     assert resumed.match.history(RED, 0)[1] == whole.match.history(RED, 0)[1]
+    for team in Team:
+        kept = ("late", "unreadable")
+        assert [getattr(resumed.match.record(team), kind) for kind in kept] == [
+            getattr(whole.match.record(team), kind) for kind in kept
+        ]
+
+
+@pytest.mark.parametrize("n_before", [1, 2])
+def test_a_row_of_missed_turns_goes_on_where_the_pit_was_killed(n_before: int) -> None:
+    table = Table().begin()
+    now_s = 0.0
+    for _ in range(n_before):
+        table.do(table.match.submit(BLUE, table.match.tick, STAY, now_s))
+        now_s += 100.0
+        table.do(table.match.advance(now_s))
+
+    resumed = resume(table.journal, TERMS, now_s).begin(now_s)
+    while resumed.match.result is None:
+        resumed.do(resumed.match.submit(BLUE, resumed.match.tick, STAY, now_s))
+        now_s += 100.0
+        resumed.do(resumed.match.advance(now_s))
+
+    assert (resumed.match.result.ending, resumed.match.result.winner) == (Ending.FORFEIT, BLUE)
+    assert resumed.match.tick == TERMS.most_missed - 1
+    assert resumed.match.record(RED).late == TERMS.most_missed - 1
+
+
+def test_an_answer_before_the_pit_was_killed_ends_a_row_of_missed_turns() -> None:
+    table = Table().begin()
+    table.do(table.match.advance(100.0))
+    table.do(table.match.advance(200.0))
+    table.play(200.0)
+
+    resumed = resume(table.journal, TERMS, 300.0).begin(300.0)
+
+    assert resumed.do(resumed.match.advance(400.0)) != []
+    assert resumed.match.result is None
 
 
 def test_the_time_that_the_pit_was_away_is_charged_to_nobody() -> None:

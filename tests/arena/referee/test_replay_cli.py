@@ -23,7 +23,7 @@ from policies import registry
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 ARENA = [sys.executable, "-c", "from arena.cli import main; main()"]
-CELLS = set("·UAFuaf#")
+CELLS = set("·:UAFuaf#")
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,39 @@
+"""The game as an environment for learning: PettingZoo's face, Gymnasium's, and Gymnasium's vector form.
+
+All of them play through `arena.games.Games`, as the referee and the local venue do. Gymnasium learns of them when this package is
+imported, or by `gymnasium.make("arena.envs:arena/CaptureTheFlag-v0")`; the names below are handed on when they are first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from gymnasium.envs.registration import register
+
+if TYPE_CHECKING:
+    from arena.envs.parallel import ParallelCapture as ParallelCapture
+    from arena.envs.parallel import parallel_env as parallel_env
+    from arena.envs.single import SingleCapture as SingleCapture
+    from arena.envs.vector import VectorCapture as VectorCapture
+
+_HOMES = {
+    "ParallelCapture": "arena.envs.parallel",
+    "parallel_env": "arena.envs.parallel",
+    "SingleCapture": "arena.envs.single",
+    "VectorCapture": "arena.envs.vector",
+}
+
+register(
+    id="arena/CaptureTheFlag-v0",
+    entry_point="arena.envs.single:SingleCapture",
+    vector_entry_point="arena.envs.vector:VectorCapture",
+)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'arena.envs' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

@@ -1,0 +1,115 @@
+"""Matches one after another, each with keys of its own: what the environments for one match at a time have in common."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arena.envs.picture import draw_letters, paint, show
+from arena.envs.senses import Senses, sense
+from arena.errors import InputError, UnknownNameError
+from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, new_secret, secret_from_seed
+from arena.game.ruleset import Ruleset, load
+from arena.game.state import Fact
+from arena.game.types import Action, Ending, Team
+from arena.games import Games
+
+REWARDS = ("score", "outcome")
+RENDER_MODES = ("human", "ansi", "rgb_array")
+FULL_SCORE = 100.0
+
+
+class SteppedError(InputError):
+    """An environment was stepped when it could not be, or by what are no actions."""
+
+
+class Episodes:
+    """One match at a time.
+
+    Parameters
+    ----------
+    ruleset
+        By name, file or value.
+    reward
+        `score`: the change of the own score, by which a match's rewards sum up to its score / 100. `outcome`: 1 for a match that
+        was won, -1 for one that was lost, at its end, else 0.
+    """
+
+    def __init__(self, ruleset: Ruleset | str, reward: str, render_mode: str | None) -> None:
+        self.ruleset = load_rules(ruleset)
+        if reward not in REWARDS:
+            raise UnknownNameError("reward", reward, REWARDS)
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise UnknownNameError("render mode", render_mode, RENDER_MODES)
+        self._reward, self._render_mode = reward, render_mode
+        self.games = Games(self.ruleset, 1)
+        self._secret, self._n_begun = new_secret(), 0
+        self._score = 0
+
+    def begin(self, seed: int | None, options: Mapping[str, Any] | None) -> None:
+        """Begin a match: the first of a seed, the next of the last seed, or the one of `options["keys"]`."""
+        if seed is not None:
+            self._secret, self._n_begun = secret_from_seed(seed), 0
+        keys = (options or {}).get("keys")
+        if keys is None:
+            keys = keys_of(self._secret, self._n_begun)
+            self._n_begun += 1
+        self.games.start([0], [keys])
+        self._score = 0
+        self._show()
+
+    @property
+    def ending(self) -> Ending:
+        """How the match ended; `RUNNING` until then. A match that has not begun counts as ended."""
+        return Ending(int(self.games.state.fact[0, Fact.ENDING]))
+
+    def check_running(self) -> None:
+        """Raise unless a match runs."""
+        if self.ending is not Ending.RUNNING:
+            raise SteppedError("there is no match to step: it is over, or none was begun; call reset() first")
+
+    def sense(self, team: Team) -> Senses:
+        """Return what a team knows."""
+        return {name: values[0] for name, values in sense(self.games, team).items()}
+
+    def step(self, orders: Mapping[Team, NDArray[np.int8]]) -> float:
+        """Play a tick, and return blue's reward; red's is its negative."""
+        self.games.step(np.concatenate([orders[team] for team in Team])[None, :])
+        before, self._score = self._score, int(self.games.state.fact[0, Fact.SCORE])
+        self._show()
+        if self._reward == "score":
+            return (self._score - before) / FULL_SCORE
+        return 0.0 if self.ending is Ending.RUNNING else float(np.sign(self._score))
+
+    def info(self) -> dict[str, Any]:
+        """Return what is to be said beside an observation: how the match ended, once it has."""
+        return {} if self.ending is Ending.RUNNING else {"ending": self.ending.name.lower()}
+
+    def render(self) -> str | NDArray[np.uint8] | None:
+        """Return the true board, as letters or as a picture; None where nobody wants it, or it is shown at every tick."""
+        if self._render_mode == "ansi":
+            return draw_letters(self.games.truth(0))
+        return paint(self.games.truth(0)) if self._render_mode == "rgb_array" else None
+
+    def _show(self) -> None:
+        if self._render_mode == "human":
+            show(self.games.truth(0))
+
+
+def keys_of(secret: bytes, number: int) -> MatchKeys:
+    """Return the keys of one match of many."""
+    return MatchKeys(map_key=derive_map_key(secret, "episode", number), match_key=derive_match_key(secret, f"episode/{number}"))
+
+
+def load_rules(ruleset: Ruleset | str) -> Ruleset:
+    """Return a ruleset that may have been named."""
+    return load(ruleset) if isinstance(ruleset, str) else ruleset
+
+
+def read_orders(actions: Any, n_units: int, who: str) -> NDArray[np.int8]:
+    """Return a team's orders; `SteppedError` unless they are one action per unit."""
+    orders = np.asarray(actions)
+    if orders.shape != (n_units,) or orders.dtype.kind not in "iu" or not np.isin(orders, list(Action)).all():
+        raise SteppedError(f"the actions of {who} must be {n_units} whole numbers from 0 to {max(Action)}, not {actions!r}")
+    return orders.astype(np.int8)

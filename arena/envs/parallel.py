@@ -1,0 +1,146 @@
+"""The game for PettingZoo: every unit an agent, or every team."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
+
+from arena.envs.episodes import RENDER_MODES, Episodes, SteppedError, read_orders
+from arena.envs.senses import Senses, sense_unit, space_of, unit_space
+from arena.errors import UnknownNameError
+from arena.game.ruleset import Ruleset
+from arena.game.types import Action, Ending, Team
+
+AGENTS = ("units", "teams")
+
+
+def parallel_env(
+    ruleset: Ruleset | str = "paper", agents: str = "units", reward: str = "score", render_mode: str | None = None
+) -> "ParallelCapture":
+    """Return the game as a PettingZoo `ParallelEnv`; the parameters are those of `ParallelCapture`."""
+    return ParallelCapture(ruleset, agents, reward, render_mode)
+
+
+class ParallelCapture(ParallelEnv):  # type: ignore[misc]
+    """Capture the flag, both teams played by the caller.
+
+    Parameters
+    ----------
+    agents
+        `teams`: agents `blue` and `red`, an action for each unit. `units`: agents `blue_0`, `blue_1`, ..., an action each, and
+        the team's reward for all of them; one that falls is terminated.
+
+    Notes
+    -----
+    The tick limit is a rule of the game, after which the score decides, and the tick is observed: a match that reaches it is
+    terminated, never truncated.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"name": "capture_the_flag_v0", "render_modes": list(RENDER_MODES), "render_fps": 10}
+
+    def __init__(self, ruleset: Ruleset | str, agents: str, reward: str, render_mode: str | None) -> None:
+        if agents not in AGENTS:
+            raise UnknownNameError("kind of agents", agents, AGENTS)
+        self._episodes = Episodes(ruleset, reward, render_mode)
+        self.render_mode = render_mode
+        self.ruleset = rules = self._episodes.ruleset
+        self._n_units = {team: len(rules.team(team)) for team in Team}
+        self._has_units = agents == "units"
+        self._seats: dict[str, tuple[Team, int | None]] = {}
+        for team in Team:
+            name = team.name.lower()
+            units = [(f"{name}_{unit}", unit) for unit in range(self._n_units[team])] if self._has_units else [(name, None)]
+            self._seats |= {agent: (team, unit) for agent, unit in units}
+        self.possible_agents, self.agents = list(self._seats), list[str]()
+        self.observation_spaces = {agent: self._space(team) for agent, (team, _) in self._seats.items()}
+        self.action_spaces = {agent: self._actions(team) for agent, (team, _) in self._seats.items()}
+
+    def _space(self, team: Team) -> spaces.Dict:
+        return unit_space(self.ruleset, team) if self._has_units else space_of(self.ruleset, team)
+
+    def _actions(self, team: Team) -> spaces.Space[Any]:
+        n_actions = len(Action)
+        return spaces.Discrete(n_actions) if self._has_units else spaces.MultiDiscrete([n_actions] * self._n_units[team])
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return what an agent may observe."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return what an agent may do."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, Senses], dict[str, dict[str, Any]]]:
+        """Begin a match; `options["keys"]`, of `MatchKeys`, names one among all that there are."""
+        self._episodes.begin(seed, options)
+        self.agents = [*self.possible_agents]
+        return self._observe(self.agents), {agent: {} for agent in self.agents}
+
+    def step(
+        self, actions: Mapping[str, Any]
+    ) -> tuple[dict[str, Senses], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+        """Play one tick.
+
+        Parameters
+        ----------
+        actions
+            One action of each living agent: a number, or with `agents="teams"` one for each unit, fallen ones included.
+
+        Raises
+        ------
+        SteppedError
+            No match runs, or these are no actions of these agents.
+        """
+        self._episodes.check_running()
+        reward = self._episodes.step(self._read(actions))
+        before, is_over = self.agents, self._episodes.ending is not Ending.RUNNING
+        observations = self._observe(before)
+        fallen = {agent for agent in before if not self._lives(agent, observations)}
+        self.agents = [] if is_over else [agent for agent in before if agent not in fallen]
+        return (
+            observations,
+            {agent: reward if self._seats[agent][0] is Team.BLUE else -reward for agent in before},
+            {agent: agent not in self.agents for agent in before},
+            dict.fromkeys(before, False),
+            {agent: self._episodes.info() for agent in before},
+        )
+
+    def render(self) -> str | NDArray[np.uint8] | None:
+        """Return the true board, as `render_mode` has it."""
+        return self._episodes.render()
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def state(self) -> NDArray[np.int8]:
+        """Return the true board; int8, shape (side, side), codes of the paper's Table 2. For critics, never for those who act."""
+        return self._episodes.games.truth(0)
+
+    def _observe(self, agents: list[str]) -> dict[str, Senses]:
+        senses = {team: self._episodes.sense(team) for team in Team}
+        seats = {agent: self._seats[agent] for agent in agents}
+        return {
+            agent: {**senses[team]} if unit is None else sense_unit(senses[team], unit) for agent, (team, unit) in seats.items()
+        }
+
+    def _lives(self, agent: str, observations: Mapping[str, Senses]) -> bool:
+        return not self._has_units or bool(observations[agent]["self"][-1])
+
+    def _read(self, actions: Mapping[str, Any]) -> dict[Team, NDArray[np.int8]]:
+        if set(actions) != set(self.agents):
+            raise SteppedError(f"there must be actions of {', '.join(self.agents)}, not of {', '.join(actions) or 'nobody'}")
+        if not self._has_units:
+            return {self._seats[agent][0]: read_orders(answer, self._n_of(agent), agent) for agent, answer in actions.items()}
+        orders = {team: np.zeros(self._n_units[team], np.int8) for team in Team}
+        for agent, answer in actions.items():
+            team, unit = self._seats[agent]
+            orders[team][unit] = read_orders([answer], 1, agent)[0]
+        return orders
+
+    def _n_of(self, agent: str) -> int:
+        return self._n_units[self._seats[agent][0]]

@@ -1,0 +1,86 @@
+"""The game for Gymnasium: one team played by the caller, the other by a fighter."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from arena.envs.episodes import RENDER_MODES, Episodes, read_orders
+from arena.envs.opponents import load_opponent
+from arena.envs.senses import Senses, space_of
+from arena.errors import UnknownNameError
+from arena.game.ruleset import Ruleset
+from arena.game.types import Action, Ending, Team
+from arena.policy import BatchFactory
+
+TEAMS = tuple(team.name.lower() for team in Team)
+
+
+class SingleCapture(gymnasium.Env[Senses, NDArray[Any]]):
+    """Capture the flag against a fighter.
+
+    Parameters
+    ----------
+    opponent
+        A fighter's name or file, as `arena play` takes them, or a `BatchPolicy`.
+    team
+        The side of the caller.
+    ruleset, reward
+        As `Episodes` has them.
+
+    Notes
+    -----
+    The tick limit is a rule of the game, after which the score decides, and the tick is observed: a match that reaches it is
+    terminated, never truncated.
+    """
+
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 10}  # noqa: RUF012  # as the base class declares it
+
+    def __init__(
+        self,
+        opponent: str | BatchFactory = "patrol",
+        team: str = "blue",
+        ruleset: Ruleset | str = "paper",
+        reward: str = "score",
+        render_mode: str | None = None,
+    ) -> None:
+        self._team = read_team(team)
+        self._episodes = Episodes(ruleset, reward, render_mode)
+        self.render_mode = render_mode
+        self.ruleset = rules = self._episodes.ruleset
+        self._n_units = {side: len(rules.team(side)) for side in Team}
+        self._opponent = load_opponent(opponent)(rules, self._team.other, 1)
+        self.observation_space: spaces.Space[Any] = space_of(rules, self._team)
+        self.action_space = spaces.MultiDiscrete([len(Action)] * self._n_units[self._team])
+
+    def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> tuple[Senses, dict[str, Any]]:
+        """Begin a match; `options["keys"]`, of `MatchKeys`, names one among all that there are."""
+        super().reset(seed=seed)
+        self._episodes.begin(seed, options)
+        self._opponent.start(np.zeros(1, np.intp))
+        return self._episodes.sense(self._team), {}
+
+    def step(self, actions: NDArray[Any]) -> tuple[Senses, float, bool, bool, dict[str, Any]]:
+        """Play one tick; `SteppedError` if no match runs, or these are not an action for each unit."""
+        self._episodes.check_running()
+        own = read_orders(actions, self._n_units[self._team], self._team.name.lower())
+        theirs = np.zeros((1, self._n_units[self._team.other]), np.int8)
+        self._opponent.act(self._episodes.games.observe()[self._team.other], theirs)
+        reward = self._episodes.step({self._team: own, self._team.other: theirs[0]})
+        is_over = self._episodes.ending is not Ending.RUNNING
+        own_reward = reward if self._team is Team.BLUE else -reward
+        return self._episodes.sense(self._team), own_reward, is_over, False, self._episodes.info()
+
+    def render(self) -> Any:
+        """Return the true board, as `render_mode` has it."""
+        return self._episodes.render()
+
+
+def read_team(name: str) -> Team:
+    """Return a team by its name."""
+    if name not in TEAMS:
+        raise UnknownNameError("team", name, TEAMS)
+    return Team[name.upper()]

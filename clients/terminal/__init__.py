@@ -1,0 +1,1 @@
+"""A person plays in the terminal: the board, what the units were told, and the keys."""

@@ -1,0 +1,257 @@
+"""The screen of a person who plays in the terminal. It shows what lies on the `Desk`, and tells it what was typed and clicked."""
+
+import threading
+from collections.abc import Callable
+from typing import ClassVar
+
+from rich.text import Text
+from textual.app import App, ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Container
+from textual.message import Message
+from textual.screen import ModalScreen
+from textual.widgets import Static
+
+from arena.errors import ArenaError
+from arena.game.types import Action
+from arena.view import LEGEND
+from clients.desk import Desk
+from clients.human import Commander
+from clients.terminal import panel
+from clients.terminal.board import BoardView
+from policies.registry import OWN
+
+_PANEL_COLUMNS = 36
+_CLOCK_S = 0.25
+_DIRECTIONS = {
+    "up,w": Action.NORTH,
+    "right,d": Action.EAST,
+    "down,s": Action.SOUTH,
+    "left,a": Action.WEST,
+    "space": Action.STAY,
+}
+
+
+class Over(ModalScreen[None]):
+    """How a match ended, until the person has read it."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("enter,escape,q,ctrl+c,ctrl+q", "dismiss", "go on")]
+    DEFAULT_CSS = """
+    Over { align: center middle; }
+    Over Static { width: 70%; min-width: 36; height: auto; max-height: 100%; border: round $accent; padding: 1 2; }
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        super().__init__()
+        self._desk = desk
+
+    def compose(self) -> ComposeResult:
+        """Lay out the screen."""
+        result, commander = self._desk.result, self._desk.commander
+        if result is not None and commander is not None:
+            told = panel.tell_over(commander.team, result, self._desk.seen)
+            yield Static(told.append("\nPress Enter to go on."))
+
+
+class Pit(App[None]):
+    """One person's screen, for as many matches as the runner plays."""
+
+    ENABLE_COMMAND_PALETTE = False
+    CSS = """
+    Screen { layout: vertical; }
+    #turn { height: 1; }
+    #middle { layout: horizontal; height: 1fr; overflow: auto; }
+    #panel { width: 1fr; min-width: 30; height: auto; padding-left: 2; }
+    #goal, #units { margin-bottom: 1; }
+    #legend, #help { color: $text-muted; }
+    #news { height: 1; text-style: bold; }
+    #middle.narrow { layout: vertical; }
+    #middle.narrow #panel { padding-left: 0; }
+    #help { height: auto; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        *(Binding(str(number), f"choose({number - 1})", show=False) for number in range(1, 10)),
+        *(Binding(keys, f"head({int(action)})", show=False) for keys, action in _DIRECTIONS.items()),
+        Binding("tab", "next(1)", show=False, priority=True),
+        Binding("shift+tab", "next(-1)", show=False, priority=True),
+        Binding("enter", "end_turn", show=False),
+        Binding("x", "release", show=False),
+        Binding("p", "autopilot", show=False),
+        Binding("m", "memory", show=False),
+        Binding("q,ctrl+c,ctrl+q", "leave", show=False, priority=True),
+    ]
+
+    class Changed(Message):
+        """There is something new on the desk."""
+
+    class Left(Message):
+        """The person is sent away."""
+
+    class Stopped(Message):
+        """The runner plays no more."""
+
+    def __init__(self, desk: Desk, run: Callable[[], object], stop: Callable[[], None]) -> None:
+        super().__init__()
+        self.failure: ArenaError | None = None
+        """Why the runner gave up."""
+        self._desk, self._run_matches, self._stop = desk, run, stop
+        self._has_stopped = self._is_leaving = False
+        self._shown_over = ""
+        self._news = ""
+        self._thread = threading.Thread(target=self._play, name="runner")
+        self.board = BoardView()
+
+    def compose(self) -> ComposeResult:
+        """Lay out the screen."""
+        yield Static(id="turn")
+        with Container(id="middle"):
+            yield self.board
+            with Container(id="panel"):
+                for part in ("goal", "units", "options"):
+                    yield Static(id=part)
+                yield Static(LEGEND, id="legend")
+        yield Static(id="news")
+        yield Static(panel.HELP, id="help", markup=False)
+
+    def on_mount(self) -> None:
+        """Begin to play."""
+        self._desk.on_change = self._tell_change
+        self.set_interval(_CLOCK_S, self._draw_turn)
+        self.draw()
+        self._thread.start()
+
+    def on_resize(self) -> None:
+        """Find room for the board."""
+        self.draw()
+
+    def leave(self) -> None:
+        """End, whatever is shown; from a signal."""
+        self._stop()
+        self.post_message(self.Left())
+
+    def on_pit_left(self) -> None:
+        """End."""
+        self.exit()
+
+    def close(self) -> None:
+        """Wait for the runner to leave the pit."""
+        self._stop()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def on_pit_changed(self) -> None:
+        """Show what is new."""
+        self.draw()
+
+    def on_pit_stopped(self) -> None:
+        """Leave, once the last result was read."""
+        self._has_stopped = True
+        self.draw()
+        if self.failure is not None or not isinstance(self.screen, Over):
+            self.exit()
+
+    def on_board_view_pointed(self, message: BoardView.Pointed) -> None:
+        """Choose the unit that was clicked, or send the chosen one there."""
+        self._command(lambda commander: commander.point(message.row, message.column), "no way is known to that cell")
+
+    def action_choose(self, index: int) -> None:
+        """Choose a unit by its number."""
+        self._command(lambda commander: commander.select(index), f"you have no living unit {index + 1}")
+
+    def action_next(self, step: int) -> None:
+        """Choose the next unit, or the one before."""
+        self._command(lambda commander: commander.select_next(step))
+
+    def action_head(self, action: int) -> None:
+        """Tell the chosen unit to go in a direction."""
+        self._command(lambda commander: commander.order(Action(action)), f"it may not go {Action(action).name.lower()}")
+
+    def action_release(self) -> None:
+        """Take the chosen unit's order back."""
+        self._command(lambda commander: commander.release())
+
+    def action_end_turn(self) -> None:
+        """Let the orders go out."""
+        self._news = ""
+        self._desk.end_turn()
+        self.draw()
+
+    def action_autopilot(self) -> None:
+        """Let the next script move the units without orders; after the last, none."""
+        choices = ["", *OWN]
+        now = self._desk.autopilot
+        following = choices[(choices.index(now) + 1) % len(choices) if now in choices else 0]
+        self._news = f"autopilot: {following or 'off'}"
+        self.run_worker(lambda: self._fly_by(following), thread=True, exclusive=True)  # which may have to be compiled
+
+    def action_memory(self) -> None:
+        """Show the ground that is remembered, or what is in sight alone."""
+        self.board.shows_memory = not self.board.shows_memory
+        self._news = "" if self.board.shows_memory else "remembered ground is not shown"
+        self.draw()
+
+    def action_leave(self) -> None:
+        """Leave; in a match, only when asked twice."""
+        if isinstance(self.screen, Over):
+            self.screen.dismiss()
+        elif self._is_leaving or self._has_stopped or not self._desk.is_playing:
+            self.exit()
+        else:
+            self._is_leaving = True
+            self._news = "press q again to leave: the match is lost then"
+            self.draw()
+
+    def draw(self) -> None:
+        """Show what lies on the desk."""
+        picture, desk = self._desk.picture(), self._desk
+        self._draw_turn()
+        self.query_one("#news", Static).update(f"waiting {desk.waits}" if desk.waits else self._news)
+        if picture is None:
+            return
+        side = len(picture.grid)
+        self.board.is_wide = self.size.width >= 2 * side + _PANEL_COLUMNS
+        self.query_one("#middle").set_class(self.size.width < side + _PANEL_COLUMNS, "narrow")
+        self.board.show(picture)
+        self.query_one("#goal", Static).update(panel.tell_goal(picture.team, desk.opponent))
+        self.query_one("#units", Static).update(panel.tell_units(picture, desk.autopilot))
+        self.query_one("#options", Static).update(panel.tell_options(picture))
+        if desk.result is not None and self._shown_over != desk.match:
+            self._shown_over = desk.match
+            self.push_screen(Over(desk), self._on_read)
+
+    def _draw_turn(self) -> None:
+        picture = self._desk.picture()
+        told: str | Text = (
+            "looking for the pit"
+            if picture is None
+            else panel.tell_turn(picture, self._desk.opponent, is_my_turn=self._desk.is_my_turn)
+        )
+        self.query_one("#turn", Static).update(told)
+
+    def _on_read(self, _: None) -> None:
+        if self._has_stopped or self._desk.result is not None:
+            self.exit()
+
+    def _command(self, tell: Callable[[Commander], bool | None], complaint: str = "") -> None:
+        self._is_leaving = False
+
+        def told(commander: Commander) -> None:
+            self._news = complaint if tell(commander) is False else ""
+
+        self._desk.command(told)
+        self.draw()
+
+    def _fly_by(self, autopilot: str) -> None:
+        self._desk.fly_by(autopilot)
+        self._tell_change()
+
+    def _tell_change(self) -> None:
+        self.post_message(self.Changed())
+
+    def _play(self) -> None:
+        try:
+            self._run_matches()
+        except ArenaError as error:
+            self.failure = error
+        finally:
+            self.post_message(self.Stopped())

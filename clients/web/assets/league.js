@@ -1,0 +1,158 @@
+// The leaderboard: the report of the store, live. Ratings with their intervals, the cross table, and every replay.
+import { TEAMS } from "./board.js";
+import { ask, fill, h, say, signed, words } from "./dom.js";
+
+const EVERY_MS = 5000;
+const SVG = "http://www.w3.org/2000/svg";
+const COLUMNS = [
+  ["Rank", (row) => row.rank, (row) => (row.rank_low === row.rank_high ? `${row.rank_low}` : `${row.rank_low} to ${row.rank_high}`)],
+  ["Entry", (row) => row.entry, (row) => row.entry],
+  ["Elo", (row) => row.elo, (row) => signed(Math.round(row.elo))],
+  ["95% interval", (row) => row.elo_low, (row) => `${signed(Math.round(row.elo_low))} to ${signed(Math.round(row.elo_high))}`],
+  ["Score", (row) => row.score, (row) => (row.score === null ? "\u2013" : row.score.toFixed(3))],
+  ["Wins", (row) => row.wins, (row) => `${row.wins}`],
+  ["Draws", (row) => row.draws, (row) => `${row.draws}`],
+  ["Losses", (row) => row.losses, (row) => `${row.losses}`],
+  ["Forfeits", (row) => row.forfeits, (row) => `${row.forfeits}`],
+];
+
+export function show(main) {
+  new LeaguePage(main).begin();
+}
+
+class LeaguePage {
+  constructor(main) {
+    document.title = "Leaderboard - Arena";
+    this.query = new URLSearchParams(location.search);
+    this.state = h("p", { class: "state", role: "status" }, "Looking for leagues...");
+    this.choice = h("select", { id: "league", onchange: () => this.choose(this.choice.value) });
+    this.table = h("div", { class: "scroll" });
+    this.plot = h("div");
+    this.cross = h("div", { class: "scroll" });
+    this.fixture = h("div", { id: "fixture", tabindex: -1 });
+    this.body = h("div", { hidden: true }, h("h2", {}, "Ratings"), this.table, this.plot,
+      h("h2", {}, "Cross table"), h("p", { class: "hint" }, "What the row scored against the column, from 0 to 1. Choose a cell for its replays."), this.cross, this.fixture);
+    main.append(h("h1", {}, "Leaderboard"), h("div", { class: "controls" }, h("label", { for: "league" }, "League"), this.choice), this.state, this.body);
+    this.order = { column: 0, isDown: false };
+    this.chosen = null;
+  }
+
+  begin() {
+    this.refresh();
+    setInterval(() => document.hidden || this.refresh(), EVERY_MS);
+  }
+
+  choose(name) {
+    this.query.set("name", name);
+    history.replaceState(null, "", `${location.pathname}?${this.query}`);
+    this.chosen = null;
+    this.refresh();
+  }
+
+  async refresh() {
+    const { leagues = [], error } = await ask("/api/leagues");
+    if (error || !leagues.length) {
+      this.tell(error ?? "There is no league yet. Make one with: arena tournament init friday.toml", Boolean(error));
+      return;
+    }
+    const name = leagues.includes(this.query.get("name")) ? this.query.get("name") : leagues[0];
+    fill(this.choice, leagues.map((one) => h("option", { value: one }, one)));
+    this.choice.value = name;
+    const report = await ask(`/api/league?name=${encodeURIComponent(name)}`);
+    if (report.error) {
+      this.tell(report.error, true);
+      return;
+    }
+    this.report = report;
+    this.body.hidden = false;
+    this.draw();
+  }
+
+  draw() {
+    const { report } = this;
+    const { played, planned, complete } = report.matches;
+    this.tell(`${report.league.name}: ${played} of ${planned} matches are played${complete ? "" : "; this page follows"}. Rules ${report.league.ruleset}.`);
+    fill(this.table, this.standings());
+    fill(this.plot, this.ratingPlot());
+    fill(this.cross, this.crossTable());
+    this.showFixture();
+  }
+
+  standings() {
+    const { column, isDown } = this.order;
+    const key = COLUMNS[column][1];
+    const compare = (one, other) => (typeof key(one) === "string" ? key(one).localeCompare(key(other)) : (key(one) ?? -1) - (key(other) ?? -1));
+    const rows = this.report.standings.toSorted((one, other) => (isDown ? -1 : 1) * compare(one, other));
+    const heads = COLUMNS.map(([name], index) => h("th", { scope: "col", "aria-sort": index === column ? (isDown ? "descending" : "ascending") : "none" },
+      h("button", { type: "button", onclick: () => this.sort(index) }, `${name}${index === column ? (isDown ? " \u25be" : " \u25b4") : ""}`)));
+    return h("table", {}, h("thead", {}, h("tr", {}, heads)), h("tbody", {}, rows.map((row) => h("tr", {},
+      COLUMNS.map(([name, , text]) => (name === "Entry" ? h("th", { scope: "row" }, text(row)) : h("td", { class: "number" }, text(row))))))));
+  }
+
+  sort(column) {
+    this.order = { column, isDown: this.order.column === column ? !this.order.isDown : column > 1 };
+    const isFocused = this.table.contains(document.activeElement);
+    this.table.replaceChildren(this.standings());
+    if (isFocused) this.table.querySelectorAll("thead button")[column].focus();
+  }
+
+  ratingPlot() {
+    const rows = this.report.standings;
+    const [low, high] = [Math.min(...rows.map((row) => row.elo_low)), Math.max(...rows.map((row) => row.elo_high))];
+    const [width, left, line] = [640, 170, 26];
+    const x = (elo) => left + ((elo - low) / (high - low || 1)) * (width - left - 20);
+    const draw = (tag, properties, text = "") => {
+      const element = document.createElementNS(SVG, tag);
+      for (const [name, value] of Object.entries(properties)) element.setAttribute(name, value);
+      element.textContent = text;
+      return element;
+    };
+    const picture = draw("svg", { viewBox: `0 0 ${width} ${line * rows.length + 8}`, role: "img", class: "plot", "aria-label": "Ratings with their 95% intervals; the table above has the numbers" });
+    rows.forEach((row, index) => {
+      const y = line * (index + 0.5) + 4;
+      const name = row.entry.length > 20 ? `${row.entry.slice(0, 19)}\u2026` : row.entry;
+      picture.append(draw("text", { x: left - 14, y: y + 5, "text-anchor": "end" }, name),
+        draw("line", { x1: x(row.elo_low), x2: x(row.elo_high), y1: y, y2: y }), draw("circle", { cx: x(row.elo), cy: y, r: 5 }));
+    });
+    if (low < 0 && high > 0) picture.append(draw("line", { x1: x(0), x2: x(0), y1: 0, y2: line * rows.length + 8, class: "zero" }));
+    return picture;
+  }
+
+  crossTable() {
+    const { standings, cross } = this.report;
+    const names = standings.map((row) => row.entry);
+    return h("table", { class: "cross" },
+      h("thead", {}, h("tr", {}, h("td"), names.map((name) => h("th", { scope: "col" }, h("span", {}, name))))),
+      h("tbody", {}, names.map((name) => h("tr", {}, h("th", { scope: "row" }, name), names.map((other) => {
+        const record = cross[name]?.[other];
+        if (!record || record.score === null) return h("td", { class: "number" }, name === other ? "\u00b7" : "");
+        const label = `${name} against ${other}: ${record.wins} won, ${record.draws} drawn, ${record.losses} lost`;
+        return h("td", { class: "number" }, h("button", { type: "button", "aria-label": label, title: label, onclick: () => this.chooseFixture(name, other) }, record.score.toFixed(2)));
+      })))));
+  }
+
+  chooseFixture(name, other) {
+    this.chosen = [name, other];
+    this.showFixture();
+    this.fixture.focus();
+    this.fixture.scrollIntoView({ block: "nearest" });
+  }
+
+  showFixture() {
+    if (!this.chosen) {
+      fill(this.fixture, null);
+      return;
+    }
+    const [name, other] = this.chosen;
+    const matches = this.report.results.filter((one) => this.chosen.includes(one.blue) && this.chosen.includes(one.red));
+    fill(this.fixture, h("h2", {}, `${name} against ${other}`), h("ol", { class: "results" }, matches.map((one) => h("li", {},
+      h("span", { class: TEAMS[0] }, one.blue), " against ", h("span", { class: TEAMS[1] }, one.red),
+      `: ${one.winner === null ? "a draw" : `${one[one.winner]} wins`} by ${words(one.ending)} after ${one.ticks} ticks `,
+      h("a", { href: `/match/replay?${new URLSearchParams({ league: this.report.league.name, identity: one.identity })}` }, "Replay")))));
+  }
+
+  tell(sentence, isBad = false) {
+    say(this.state, sentence);
+    this.state.classList.toggle("bad", isBad);
+  }
+}

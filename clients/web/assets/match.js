@@ -1,0 +1,128 @@
+// A match: Figure 2 of the paper, live or replayed. A team's fogged board stands beside the truth.
+import { TEAMS } from "./board.js";
+import { ask, connect, fill, h, say, signed, spectatorKey, tellEnding } from "./dom.js";
+import { Player } from "./player.js";
+
+const AGAIN_MS = 1000;
+const MOST_TRIES = 12;
+
+export function show(main, match) {
+  const query = new URLSearchParams(location.search);
+  new MatchPage(main, match, query.get("league"), query.get("identity")).begin();
+}
+
+class MatchPage {
+  constructor(main, match, league, identity) {
+    this.match = match;
+    this.source = league
+      ? `/api/league/replay?league=${encodeURIComponent(league)}&identity=${encodeURIComponent(identity ?? "")}`
+      : `/api/replay/${encodeURIComponent(match)}`;
+    this.isOfLeague = league !== null;
+    this.back = league ? ["/league", "leaderboard"] : ["/", "lobby"];
+    this.title = h("h1", {}, "Match");
+    this.state = h("p", { class: "state", role: "status" }, "Looking for the match...");
+    this.facts = h("div", { class: "score" });
+    this.stage = h("div");
+    main.append(this.title, this.state, this.facts, this.stage);
+    this.names = ["?", "?"];
+    this.ending = null;
+  }
+
+  begin() {
+    if (this.isOfLeague) this.replay(1);
+    else this.listen();
+  }
+
+  listen() {
+    this.isWatched = false;
+    connect(`/ws/match/${encodeURIComponent(this.match)}`, { key: spectatorKey.get() }, (message) => this.hear(message), () => {
+      if (this.player?.isWhole || this.isGone || this.ending) return;
+      this.tell("The web server is gone; looking for it...", true);
+      setTimeout(() => this.listen(), AGAIN_MS);
+    });
+  }
+
+  hear(message) {
+    const { kind } = message;
+    if (kind === "absent") {
+      this.isGone = true;
+      this.replay(this.player || this.ending ? MOST_TRIES : 1);
+    } else if (kind === "rules") {
+      this.rules = message.rules;
+      this.tell(spectatorKey.get() ? "The match runs; its boards come with the next tick." :
+        "The match runs. Until it is over only holders of the spectator key see its boards; this page shows what everyone may know.");
+    } else if (kind === "wrong key") {
+      this.isKeyWrong = true;
+      this.tell(`Wrong key: ${message.sentence}. The lobby takes another.`, true);
+    } else if (kind === "lost") {
+      this.tell(`The pit is away: ${message.sentence}. Looking for it...`, true);
+    } else if (kind === "facts") {
+      this.names = message.names ?? this.names;
+      this.showFacts(message);
+    } else if (kind === "scene") {
+      this.player ??= this.makePlayer({ rules: this.rules, ticks: [], names: this.names, ending: null });
+      this.player.add(message);
+      this.tell("The match runs, and this page sees it with the spectator key.");
+    } else if (kind === "ended") {
+      this.ending = message.ending;
+      this.tell(`Over: ${tellEnding(message.ending)}. Waiting for its journal...`);
+      this.replay(MOST_TRIES);
+    }
+  }
+
+  async replay(tries) {
+    const answer = await ask(this.source);
+    if (!answer.error) {
+      this.showReplay(answer);
+    } else if (tries > 1) {
+      if (this.ending) this.tell(`Over: ${tellEnding(this.ending)}. Its boards: ${answer.error}.`);
+      setTimeout(() => this.replay(tries - 1), AGAIN_MS);
+    } else if (this.ending) {
+      this.tell(`Over: ${tellEnding(this.ending)}. ${answer.error}.`, false);
+    } else {
+      this.tell(`This match cannot be shown: ${answer.error}.`, true);
+      this.state.append(" ", h("a", { href: this.back[0] }, `To the ${this.back[1]}`));
+    }
+  }
+
+  showReplay(told) {
+    this.names = told.names;
+    this.player?.stop();
+    this.stage.replaceChildren();
+    if (told.broken) {
+      const where = told.broken.tick ? `at tick ${told.broken.tick}` : "at its start";
+      this.stage.append(h("p", { class: "banner bad", role: "alert" },
+        `This replay does not verify: it breaks ${where}. ${told.broken.sentence}`));
+    }
+    this.tell(`Over: ${tellEnding(told.ending)}.${told.broken ? "" : " Every tick was played again and holds."}`, Boolean(told.broken));
+    if (!told.ticks.length) return;
+    this.player = this.makePlayer(told);
+    this.player.isWhole = true;
+    this.player.go(0);
+  }
+
+  makePlayer(told) {
+    this.showTitle();
+    return new Player(this.stage, told, (tick) => this.showFacts({ ...tick, names: this.names }));
+  }
+
+  showTitle() {
+    document.title = `${this.names[0]} against ${this.names[1]} - Arena`;
+    fill(this.title, h("span", { class: "blue" }, this.names[0]), " against ", h("span", { class: "red" }, this.names[1]));
+  }
+
+  showFacts({ tick, living, score }) {
+    this.showTitle();
+    const limit = (this.player?.told.rules ?? this.rules)?.tick_limit;
+    fill(this.facts,
+      h("span", {}, `tick ${tick}${limit ? ` of ${limit}` : ""}`),
+      score === null ? null : h("span", {}, `score ${signed(score)} for blue`),
+      ...(living ?? []).map((n, team) => h("span", { class: TEAMS[team] }, `${TEAMS[team]} ${n} units`)));
+  }
+
+  tell(sentence, isBad = false) {
+    if (this.isKeyWrong && sentence.startsWith("The match runs")) return;
+    say(this.state, sentence);
+    this.state.classList.toggle("bad", isBad);
+  }
+}

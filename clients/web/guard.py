@@ -1,0 +1,88 @@
+"""What stands before every request: who may ask, and what a browser may do with the answer. Plain ASGI.
+
+A page on the loopback is within reach of every page that its user opens elsewhere. So the Host header must name this server (a
+stranger's name that was made to point here does not), a WebSocket must come from a page of this server, and a browser is told
+to load nothing from anywhere else.
+"""
+
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from typing import Any
+from urllib.parse import urlsplit
+
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+_POLICY = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'self'",
+        "style-src 'self'",
+        "img-src 'self' data:",
+        "connect-src 'self'",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'none'",
+    )
+)
+HEADERS = {
+    "content-security-policy": _POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "cache-control": "no-cache",
+}
+_RAW_HEADERS = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+_REFUSED = b"this server is called otherwise; arena web --name says by which names it may be called\n"
+
+
+class Guard:
+    """Lets in what comes by one of the server's names, and WebSockets only from its own pages."""
+
+    def __init__(self, app: App, names: Iterable[str]) -> None:
+        self._app = app
+        self._names = frozenset(name.lower() for name in names)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one connection."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
+        host = headers.get("host", "").lower()
+        is_known = _without_port(host) in self._names
+        if scope["type"] == "websocket":
+            if is_known and is_same_origin(headers.get("origin", ""), host):
+                await self._app(scope, receive, send)
+            else:
+                await receive()
+                await send({"type": "websocket.close", "code": 1008})  # before it was accepted: the browser gets a 403
+            return
+        if not is_known:
+            await send({"type": "http.response.start", "status": 421, "headers": _RAW_HEADERS})
+            await send({"type": "http.response.body", "body": _REFUSED})
+            return
+
+        async def send_guarded(message: MutableMapping[str, Any]) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", ()), *_RAW_HEADERS]
+            await send(message)
+
+        await self._app(scope, receive, send_guarded)
+
+
+def is_same_origin(origin: str, host: str) -> bool:
+    """Whether a page's origin is this server, by the name and port under which it was asked; in lower case."""
+    try:
+        parts = urlsplit(origin.lower())
+    except ValueError:
+        return False
+    return parts.scheme in ("http", "https") and bool(host) and parts.netloc == host and not parts.path
+
+
+def _without_port(host: str) -> str:
+    name, colon, port = host.rpartition(":")
+    return name if colon and port.isdecimal() else host

@@ -1,0 +1,118 @@
+"""Sets of cells as rows of bits, and searches that move a whole row at a time.
+
+A set is `side` words of 64 bits: bit c of word r stands for the cell in row r, column c. A board has 64 columns at most, so a row
+is always one word, and a step of a breadth-first search is a handful of operations on each row instead of a queue of cells.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from arena.game.bits import lowest_bit, popcount
+from arena.jit import jit
+
+UNREACHED = 32767
+"""The distance of a cell to which no way leads."""
+NONE = np.uint64(0)
+ONE = np.uint64(1)
+FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
+
+
+@jit(inline=True)
+def bit(column: Any) -> Any:
+    """Return the word with one column set."""
+    return ONE << np.uint64(column)
+
+
+@jit(inline=True)
+def low_bits(n: Any) -> Any:
+    """Return the word with the first n columns set, n from 0 to 64."""
+    return NONE if n <= 0 else FULL >> np.uint64(64 - min(n, 64))
+
+
+@jit(inline=True)
+def has(rows: Any, side: Any, cell: Any) -> Any:
+    """Whether a cell is in the set `rows`; uint64, shape (side,)."""
+    return (rows[cell // side] >> np.uint64(cell % side)) & ONE != NONE
+
+
+@jit(inline=True)
+def count(rows: Any, side: Any) -> Any:
+    """Return how many cells are in a set."""
+    n = 0
+    for row in range(side):
+        n += popcount(rows[row])
+    return n
+
+
+@jit(inline=True)
+def first_cell(rows: Any, side: Any) -> Any:
+    """Return the first cell of a set, or -1."""
+    for row in range(side):
+        if rows[row] != NONE:
+            return row * side + lowest_bit(rows[row])
+    return -1
+
+
+@jit(inline=True)
+def spread(rows: Any, allowed: Any, side: Any) -> None:
+    """Add to a set the allowed cells that are one step away; in place."""
+    above = NONE
+    for row in range(side):
+        here = rows[row]
+        below = rows[row + 1] if row + 1 < side else NONE
+        rows[row] = here | (((here << ONE) | (here >> ONE) | above | below) & allowed[row])
+        above = here
+
+
+@jit()
+def flood(sources: Any, allowed: Any, slow: Any, delay: int, side: int, work: Any, steps: Any) -> None:
+    """Write how long a unit that walks takes from each cell to the nearest of some cells.
+
+    Parameters
+    ----------
+    sources
+        uint64, shape (side,): the goals, walkable or not.
+    allowed
+        uint64, shape (side,): cells that may be walked on.
+    slow
+        uint64, shape (side,): cells that take `delay` ticks more to step off towards the goal.
+    delay
+        From 0 to 14.
+    work
+        uint64, shape (17, 64): scratch. Row 0 holds the cells reached; the rest is a ring of fronts, one for each tick to come.
+    steps
+        int16, shape (cells,): written; UNREACHED where no way leads.
+    """
+    for cell in range(side * side):
+        steps[cell] = UNREACHED
+    reached, ring = work[0], delay + 2
+    for row in range(side):
+        reached[row] = sources[row]
+        work[1, row] = sources[row]
+        for later in range(1, ring):
+            work[1 + later, row] = NONE
+    distance, idle = 0, 0
+    while idle < ring:
+        front, soon, late = work[1 + distance % ring], work[1 + (distance + 1) % ring], work[1 + (distance + 1 + delay) % ring]
+        is_empty = True
+        above = NONE
+        for row in range(side):
+            here = front[row]
+            below = front[row + 1] if row + 1 < side else NONE
+            if here | above | below != NONE:
+                is_empty = False
+                new = ((here << ONE) | (here >> ONE) | above | below) & allowed[row] & ~reached[row]
+                reached[row] |= new
+                soon[row] |= new & ~slow[row]
+                late[row] |= new & slow[row]
+                first = row * side
+                rest = here
+                while rest != NONE:
+                    steps[first + lowest_bit(rest)] = distance
+                    rest &= rest - ONE
+            above = here
+        for row in range(side):
+            front[row] = NONE
+        idle = idle + 1 if is_empty else 0
+        distance += 1

@@ -1,0 +1,1 @@
+"""How fighters are made: rollouts, cloning, policy gradients, runs that can be killed."""

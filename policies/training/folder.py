@@ -1,0 +1,127 @@
+"""A run as a folder: its settings, its metrics, checkpoints to play with, and the state to go on from.
+
+settings.json       what the run was told
+metrics.csv         a row for each rollout
+start.safetensors   the cloned start
+last.safetensors    the newest weights, ready to play; after the run, the result
+state.pt            all that `--resume` needs
+"""
+
+import csv
+import io
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from arena.errors import ArenaError, InputError
+from policies.checkpoint import write_whole
+
+SETTINGS, METRICS, START, LAST, STATE = "settings.json", "metrics.csv", "start.safetensors", "last.safetensors", "state.pt"
+STEP = "step"
+"""The column that counts rows, from 1."""
+
+
+class RunFolder:
+    """The folder of one run."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def create(self, told: Mapping[str, Any]) -> None:
+        """Make the folder of a new run.
+
+        Raises
+        ------
+        InputError
+            There is a run in it already, or nothing can be written there.
+        """
+        if (self.path / SETTINGS).exists():
+            raise InputError(f"there is a run in {self.path} already; go on with it by --resume, or choose another --out")
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make the folder {self.path}: {error.strerror}") from error
+        write_whole(self.path / SETTINGS, json.dumps(told, indent=2).encode() + b"\n")
+
+    def read_settings(self) -> dict[str, Any]:
+        """Return what the run was told.
+
+        Raises
+        ------
+        InputError
+            There is no run in the folder.
+        """
+        try:
+            told: dict[str, Any] = json.loads((self.path / SETTINGS).read_text(encoding="utf-8"))
+        except FileNotFoundError as error:
+            raise InputError(f"there is no run in {self.path}; start one without --resume") from error
+        except (OSError, ValueError) as error:
+            raise InputError(f"cannot read {self.path / SETTINGS}: {error}") from error
+        return told
+
+    def save_state(self, state: Mapping[str, Any]) -> None:
+        """Keep what `--resume` needs, all of it or nothing."""
+        buffer = io.BytesIO()
+        torch.save(dict(state), buffer)
+        write_whole(self.path / STATE, buffer.getvalue())
+
+    def load_state(self) -> dict[str, Any] | None:
+        """Return what was kept, or None before anything was.
+
+        Raises
+        ------
+        InputError
+            The file is damaged.
+        """
+        path = self.path / STATE
+        if not path.exists():
+            return None
+        try:
+            state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+        except Exception as error:
+            raise InputError(f"cannot go on from {path}: it is damaged ({type(error).__name__})") from error
+        return state
+
+    def add_metrics(self, row: Mapping[str, float | int | str]) -> None:
+        """Add a row; a column that an earlier row did not have is no longer added."""
+        path = self.path / METRICS
+        values = {name: round(value, 6) if isinstance(value, float) else value for name, value in row.items()}
+        try:
+            with path.open("a+", encoding="utf-8", newline="") as file:
+                file.seek(0)
+                header = next(csv.reader(file), None)
+                writer = csv.DictWriter(file, header or list(row), extrasaction="ignore", restval="")
+                if header is None:
+                    writer.writeheader()
+                writer.writerow(values)
+        except OSError as error:
+            raise ArenaError(f"cannot write {path}: {error.strerror}; the last checkpoint is good") from error
+
+    def cut_metrics(self, step: int) -> None:
+        """Drop the rows after `step`: they belong to what was lost when the run was killed."""
+        path = self.path / METRICS
+        if not path.exists():
+            return
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.DictReader(file)
+            rows, names = (
+                [row for row in reader if (row[STEP] or "").isdigit() and int(row[STEP]) <= step],
+                reader.fieldnames or [],
+            )
+        text = io.StringIO()
+        writer = csv.DictWriter(text, names)
+        writer.writeheader()
+        writer.writerows(rows)
+        write_whole(path, text.getvalue().encode())
+
+
+def open_board(path: Path) -> Any | None:
+    """Return a TensorBoard writer, or None where TensorBoard is not installed (the extra `train`)."""
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        return None
+    return SummaryWriter(str(path))

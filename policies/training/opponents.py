@@ -1,0 +1,123 @@
+"""Whom the learner meets: itself, its former selves, and scripts; and when a newer self takes the place of the best."""
+
+from collections import deque
+from collections.abc import Mapping
+from copy import deepcopy
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from arena.game.ruleset import Ruleset
+from arena.game.types import Team
+from arena.observation import Observations
+from arena.policy import BatchPolicy
+from policies.learned import LearnedTeam
+from policies.networks import TeamNetwork
+from policies.registry import load
+
+SELF, BEST, PAST = "self", "best", "past"
+_MOST_PAST = 20
+"""Former selves that are kept; with one more, the second oldest goes, and the start stays."""
+
+
+def assign(shares: Mapping[str, float], first_row: int, n_rows: int) -> dict[str, NDArray[np.intp]]:
+    """Return each opponent's rows, counted from `first_row`.
+
+    Row by row, the opponent that is furthest behind its share gets the row. Who is met in a row does not depend on how many
+    processes share the rows.
+    """
+    names, total = sorted(shares), sum(shares.values())
+    given = dict.fromkeys(names, 0)
+    rows: dict[str, list[int]] = {name: [] for name in names}
+    for row in range(first_row + n_rows):
+        name = max(names, key=lambda one: shares[one] / total * (row + 1) - given[one])
+        given[name] += 1
+        if row >= first_row:
+            rows[name].append(row - first_row)
+    return {name: np.array(mine, np.intp) for name, mine in rows.items() if mine}
+
+
+class Pool:
+    """Former selves: weights, and how the learner fared against them.
+
+    The last is the best so far: the learner plays against it until it has passed the gate.
+    """
+
+    def __init__(self, start: Mapping[str, Tensor], *, gate_matches: int, gate_score: float) -> None:
+        self._gate_matches, self._gate_score = gate_matches, gate_score
+        self.selves: list[dict[str, Tensor]] = [_copy(start)]
+        self.points: list[float] = [0.5]
+        """The learner's running score against each."""
+        self.recent: deque[float] = deque(maxlen=gate_matches)
+        """Points of the learner's last matches against the best."""
+
+    @property
+    def best(self) -> dict[str, Tensor]:
+        """Weights of the last self that passed the gate."""
+        return self.selves[-1]
+
+    def note_best(self, points: list[float]) -> None:
+        """Take in results against the best: 1, 0.5 or 0 each."""
+        self.recent.extend(points)
+        for point in points:
+            self.points[-1] += 0.02 * (point - self.points[-1])
+
+    def note_past(self, index: int, points: list[float]) -> None:
+        """Take in results against a former self."""
+        for point in points:
+            self.points[index] += 0.02 * (point - self.points[index])
+
+    def try_gate(self, weights: Mapping[str, Tensor]) -> bool:
+        """Make the learner the best, if it has passed the gate."""
+        if len(self.recent) < self._gate_matches or sum(self.recent) < self._gate_score * len(self.recent):
+            return False
+        self.selves.append(_copy(weights))
+        self.points.append(0.5)
+        self.recent.clear()
+        if len(self.selves) > _MOST_PAST:
+            del self.selves[1], self.points[1]
+        return True
+
+    def draw_past(self, rng: np.random.Generator) -> int:
+        """Return a former self, the more likely the better it does against the learner."""
+        hardness = np.array([(1 - points) ** 2 + 0.01 for points in self.points])
+        return int(rng.choice(len(hardness), p=hardness / hardness.sum()))
+
+
+class Opponents:
+    """All fighters on the red side of a batch of rows, except where the learner plays itself."""
+
+    def __init__(self, ruleset: Ruleset, shares: Mapping[str, float], first_row: int, n_rows: int, network: TeamNetwork) -> None:
+        self.rows = assign(shares, first_row, n_rows)
+        self.self_rows = self.rows.pop(SELF, np.zeros(0, np.intp))
+        self._fighters: dict[str, BatchPolicy] = {}
+        for name, rows in self.rows.items():
+            if name in (BEST, PAST):
+                self._fighters[name] = LearnedTeam(ruleset, Team.RED, len(rows), network=deepcopy(network))
+            else:
+                self._fighters[name] = load(name)(ruleset, Team.RED, len(rows))
+        self._orders = {name: np.zeros((len(rows), len(ruleset.team(Team.RED))), np.int8) for name, rows in self.rows.items()}
+
+    def use(self, name: str, weights: Mapping[str, Tensor], network: TeamNetwork) -> None:
+        """Let `best` or `past` play with other weights; `network` is of the same shape, and is copied."""
+        fighter = self._fighters.get(name)
+        if isinstance(fighter, LearnedTeam):
+            changed = deepcopy(network)
+            changed.load_state_dict(dict(weights))
+            fighter.use(changed)
+
+    def start(self, has_ended: NDArray[np.bool_]) -> None:
+        """Tell those whose match has ended that a new one begins."""
+        for name, rows in self.rows.items():
+            self._fighters[name].start(np.flatnonzero(has_ended[rows]))
+
+    def act(self, red: Observations, orders: NDArray[np.int8]) -> None:
+        """Write the orders of all rows but those of self-play."""
+        for name, rows in self.rows.items():
+            self._fighters[name].act(red.select(rows), self._orders[name])
+            orders[rows] = self._orders[name]
+
+
+def _copy(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {name: tensor.detach().clone() for name, tensor in weights.items()}

@@ -1,0 +1,81 @@
+"""Several processes that train one network, as torchrun starts them: each plays its own rows; gradients are averaged."""
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import torch
+import torch.distributed as dist
+from torch import Tensor
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Processes:
+    """Which of how many processes this one is."""
+
+    rank: int = 0
+    n: int = 1
+
+    @property
+    def is_first(self) -> bool:
+        """Whether this one writes the files."""
+        return self.rank == 0
+
+    def share(self, total: int) -> tuple[int, int]:
+        """Return first and number of this process's part of `total`."""
+        first, last = (total * rank // self.n for rank in (self.rank, self.rank + 1))
+        return first, last - first
+
+    def mean(self, values: Tensor) -> Tensor:
+        """Return the mean of a tensor over the processes."""
+        if self.n > 1:
+            dist.all_reduce(values)
+            values /= self.n
+        return values
+
+    def average_gradients(self, parameters: Iterable[Tensor]) -> None:
+        """Put the mean of the gradients into each process, in one message."""
+        if self.n == 1:
+            return
+        mine = list(parameters)
+        for one in mine:
+            if one.grad is None:  # a head without units in this part of the rows
+                one.grad = torch.zeros_like(one)
+        grads = [one.grad for one in mine if one.grad is not None]
+        flat = torch.cat([grad.reshape(-1) for grad in grads])
+        dist.all_reduce(flat)
+        flat /= self.n
+        for grad, mean in zip(grads, torch.split(flat, [grad.numel() for grad in grads]), strict=True):
+            grad.copy_(mean.view(grad.shape))
+
+    def gather(self, value: T) -> list[T]:
+        """Return what every process has to say, in their order."""
+        if self.n == 1:
+            return [value]
+        gathered = [value] * self.n
+        dist.all_gather_object(gathered, value)
+        return gathered
+
+    def share_first(self, value: T) -> T:
+        """Return what the first process has to say."""
+        return self.gather(value)[0]
+
+
+def join_processes() -> Processes:
+    """Return this process's place among those that torchrun started, connected by gloo; or the only place."""
+    n = int(os.environ.get("WORLD_SIZE", "1"))
+    if n == 1:
+        return Processes()
+    if not dist.is_initialized():
+        dist.init_process_group("gloo")
+    return Processes(dist.get_rank(), n)
+
+
+def leave_processes() -> None:
+    """Part from the others, once all have come this far."""
+    if dist.is_initialized():
+        dist.barrier()
+        dist.destroy_process_group()

@@ -1,0 +1,206 @@
+"""Proximal policy optimisation of a `TeamNetwork`, with a critic that sees both sides.
+
+All units of a team are drawn from one pass and share one advantage; each has its own ratio, since the product of six ratios would
+leave the clip's range on chance alone. Source: Schulman et al., "Proximal policy optimization algorithms" (2017); Yu et al., "The
+surprising effectiveness of PPO in cooperative multi-agent games" (2022).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from arena.errors import ArenaError
+from policies.learned import CHUNK
+from policies.networks import Critic, TeamNetwork
+from policies.training.parallel import Processes
+from policies.training.rollout import Experience
+from policies.training.settings import Settings
+
+MOST_NORM = 0.5
+"""Gradients are cut to this norm."""
+
+
+class TrainingError(ArenaError):
+    """Training cannot go on; what was saved before is good."""
+
+
+class ValueScale:
+    """Running mean and spread of the returns: the critic learns what is left of them."""
+
+    def __init__(self) -> None:
+        self.mean, self.square, self.weight = 0.0, 0.0, 0.0
+
+    def note(self, mean: float, square: float) -> None:
+        """Take in the mean of some returns, and of their squares."""
+        self.mean, self.square, self.weight = (
+            0.95 * self.mean + 0.05 * mean,
+            0.95 * self.square + 0.05 * square,
+            0.95 * self.weight + 0.05,
+        )
+
+    @property
+    def centre(self) -> float:
+        """Mean of the returns."""
+        return self.mean / self.weight if self.weight else 0.0
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the returns; at least a tenth."""
+        return max((self.square / self.weight - self.centre**2), 0.01) ** 0.5 if self.weight else 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Schedule:
+    """What changes in the course of a run."""
+
+    rate: float
+    entropy: float
+    shaping: float
+    is_critic_only: bool
+
+
+def estimate(experience: Experience, values: Tensor, schedule: Schedule, settings: Settings) -> tuple[Tensor, Tensor]:
+    """Return advantages and returns; generalised advantage estimation.
+
+    Parameters
+    ----------
+    values
+        float32, shape (t + 1, s), in the units of the reward.
+
+    Returns
+    -------
+    tuple
+        Two float32, shape (t, s).
+    """
+    reward = experience.reward + schedule.shaping * experience.gain
+    goes_on = (~experience.has_ended).float()
+    advantages = torch.zeros_like(reward)
+    ahead = torch.zeros_like(reward[0])
+    for tick in reversed(range(len(reward))):
+        surprise = reward[tick] + settings.gamma * values[tick + 1] * goes_on[tick] - values[tick]
+        ahead = surprise + settings.gamma * settings.lambda_ * goes_on[tick] * ahead
+        advantages[tick] = ahead
+    return advantages, advantages + values[:-1]
+
+
+class Learner:
+    """The network, its critic and its optimiser."""
+
+    def __init__(self, network: TeamNetwork, critic: Critic, settings: Settings, processes: Processes) -> None:
+        self.network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.critic = critic.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.settings, self.processes = settings, processes
+        self.scale = ValueScale()
+        self.average = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
+        """Running average of the weights: what is played and saved."""
+        self.parameters = [*network.parameters(), *critic.parameters()]
+        self.optimiser = torch.optim.Adam(self.parameters, lr=settings.rate, eps=1e-5)
+
+    def values(self, experience: Experience) -> Tensor:
+        """Return the critic's values of a rollout, float32, shape (t + 1, s)."""
+        n_ticks = len(experience.reward)
+        with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16):
+            rows = []
+            for tick in range(n_ticks + 1):
+                planes, scalars = experience.last if tick == n_ticks else (experience.planes[tick], experience.scalars[tick])
+                chunks = zip(
+                    torch.split(planes, CHUNK),
+                    torch.split(experience.truth[tick], CHUNK),
+                    torch.split(scalars, CHUNK),
+                    strict=True,
+                )
+                rows.append(torch.cat([self.critic(*chunk) for chunk in chunks]))
+            return torch.stack(rows).clone() * self.scale.spread + self.scale.centre
+
+    def learn(self, experience: Experience, n_walkers: int, schedule: Schedule, generator: torch.Generator) -> dict[str, float]:
+        """Take some steps on one rollout; return what they looked like.
+
+        Raises
+        ------
+        TrainingError
+            A loss or a gradient is not finite; no step was taken with it.
+        """
+        settings = self.settings
+        advantages, returns = (one.clone() for one in estimate(experience, self.values(experience), schedule, settings))
+        mean, square = self.processes.mean(torch.stack([returns.mean(), returns.square().mean()])).tolist()
+        explained = 1 - float((advantages.var() / returns.var().clamp_min(1e-6)).clamp_max(2))
+        self.scale.note(mean, square)
+        centre, deviation = self.processes.mean(torch.stack([advantages.mean(), advantages.square().mean()])).tolist()
+        advantages = (advantages - centre) / max(deviation - centre**2, 1e-8) ** 0.5
+        returns = (returns - self.scale.centre) / self.scale.spread
+        flat = [one.flatten(0, 1) for one in (
+            experience.planes, experience.truth[:-1], experience.scalars, experience.cell, experience.alive, experience.legal,
+            experience.actions, experience.logp, advantages, returns,
+        )]  # fmt: skip
+        for group in self.optimiser.param_groups:
+            group["lr"] = schedule.rate
+        sums: dict[str, float] = {}
+        n_steps = 0
+        for _ in range(settings.epochs):
+            for rows in self.minibatches(len(flat[0]), settings.minibatch, generator):
+                told = self._step([one[rows] for one in flat], n_walkers, schedule)
+                n_steps += 1
+                for name, value in told.items():
+                    sums[name] = sums.get(name, 0.0) + value
+                if told["kl"] > settings.target_kl:
+                    break
+            if told["kl"] > settings.target_kl:
+                break
+        return {name: value / n_steps for name, value in sums.items()} | {"explained": explained, "steps": float(n_steps)}
+
+    def minibatches(self, n: int, size: int, generator: torch.Generator) -> Iterator[Tensor]:
+        """Yield rows in parts, as many as the settings say: every process must take as many steps as the others."""
+        n_parts = max(round(self.settings.games * self.settings.horizon / size), 1)
+        yield from torch.randperm(n, generator=generator).tensor_split(n_parts)
+
+    def _step(self, batch: list[Tensor], n_walkers: int, schedule: Schedule) -> dict[str, float]:
+        n = len(batch[0])
+        told = torch.zeros(5)
+        self.optimiser.zero_grad(set_to_none=True)
+        for chunk in zip(*(torch.split(one, CHUNK) for one in batch), strict=True):
+            loss, facts = self._loss(list(chunk), n_walkers, schedule)
+            share = len(chunk[0]) / n
+            (loss * share).backward()  # type: ignore[no-untyped-call]
+            told += facts * share
+        self.step()
+        names = ("policy_loss", "value_loss", "entropy", "kl", "clipped")
+        return dict(zip(names, self.processes.mean(told).tolist(), strict=True))
+
+    def _loss(self, chunk: list[Tensor], n_walkers: int, schedule: Schedule) -> tuple[Tensor, Tensor]:
+        planes, truth, scalars, cell, alive, legal, actions, old_logp, advantage, target = chunk
+        with torch.autocast("cpu", torch.bfloat16):
+            value = self.critic(planes, truth, scalars)
+            value_loss = (value - target).square().mean()
+            if schedule.is_critic_only:
+                return value_loss, torch.stack([torch.zeros(()), value_loss.detach(), *torch.zeros(3)])
+            logits = self.network(planes, scalars, cell, legal, n_walkers)
+        log_all = logits.log_softmax(-1)
+        logp = log_all.gather(-1, actions[..., None]).squeeze(-1)
+        weight = alive.float() / alive.float().sum().clamp_min(1)
+        change = logp - old_logp
+        ratio = change.exp()
+        surrogate = torch.minimum(
+            ratio * advantage[:, None], ratio.clamp(1 - self.settings.clip, 1 + self.settings.clip) * advantage[:, None]
+        )
+        policy_loss = -(surrogate * weight).sum()
+        entropy = (-(log_all.exp() * log_all.clamp_min(-30)).sum(-1) * weight).sum()
+        with torch.no_grad():
+            kl = ((ratio - 1 - change) * weight).sum()
+            clipped = (((ratio - 1).abs() > self.settings.clip).float() * weight).sum()
+        loss = policy_loss + 0.5 * value_loss - schedule.entropy * entropy
+        return loss, torch.stack([policy_loss.detach(), value_loss.detach(), entropy.detach(), kl, clipped])
+
+    def step(self) -> None:
+        """Average the gradients over the processes, and take a step, if they are finite."""
+        self.processes.average_gradients(self.parameters)
+        norm = nn.utils.clip_grad_norm_(self.parameters, MOST_NORM)
+        if not torch.isfinite(norm):
+            raise TrainingError(
+                "the gradient is not finite any more; the last checkpoint is good: lower the rate, and start from it"
+            )
+        self.optimiser.step()
+        with torch.no_grad():
+            for name, tensor in self.network.state_dict().items():
+                self.average[name].lerp_(tensor, 1 - self.settings.average)

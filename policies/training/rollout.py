@@ -1,0 +1,190 @@
+"""Play some ticks of many matches with the learner in its seats, and keep what it saw, did and earned.
+
+The learner plays blue in every row, and red too in rows of self-play. Colours are no loss of generality: planes know only own and
+enemy, and the frame is turned so that the enemy is always in the east.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from arena.envs.batched import BatchedEnv, Turn
+from arena.game.ruleset import Ruleset
+from arena.game.types import Action, Ending, Team
+from arena.observation import Observations
+from policies.features import N_PLANES, N_SCALARS, Encoded, Encoder
+from policies.learned import choose, infer
+from policies.networks import N_TRUTH_PLANES, TeamNetwork
+from policies.training.opponents import SELF, Opponents
+from policies.training.truth import reveal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Experience:
+    """A rollout; t ticks of s seats. Actions and cells are those of the frame."""
+
+    planes: Tensor
+    """uint8, shape (t, s, side, side, N_PLANES)."""
+    truth: Tensor
+    """uint8, shape (t + 1, s, side, side, N_TRUTH_PLANES)."""
+    scalars: Tensor
+    """float32, shape (t, s, N_SCALARS)."""
+    cell: Tensor
+    """int64, shape (t, s, units)."""
+    alive: Tensor
+    """uint8, shape (t, s, units)."""
+    legal: Tensor
+    """uint8, shape (t, s, units, actions)."""
+    actions: Tensor
+    """int64, shape (t, s, units)."""
+    logp: Tensor
+    """float32, shape (t, s, units): log-probability of each action when it was drawn."""
+    reward: Tensor
+    """float32, shape (t, s): 1 for a match won, -1 for one lost; without shaping."""
+    gain: Tensor
+    """float32, shape (t, s): by how much the score rose, in hundredths; captures and eliminations left to `reward`."""
+    has_ended: Tensor
+    """bool, shape (t, s)."""
+    last: tuple[Tensor, Tensor]
+    """Planes and scalars after the last tick, for the value of what is to come."""
+
+
+@dataclass(slots=True)
+class Results:
+    """How the matches that ended went for blue, by opponent: 1 for a win, 0.5 for a draw."""
+
+    points: dict[str, list[float]] = field(default_factory=dict)
+    ticks: list[int] = field(default_factory=list)
+    captures: int = 0
+
+    def note(self, name: str, turn: Turn, rows: NDArray[np.intp]) -> None:
+        """Take in what ended in an opponent's rows."""
+        mine = self.points.setdefault(name, [])
+        for row in rows[turn.has_ended[rows]].tolist():
+            winner = int(turn.winner[row])
+            mine.append(0.5 if winner < 0 else float(winner == Team.BLUE))
+            self.ticks.append(int(turn.ticks[row]))
+            self.captures += int(turn.ending[row] == Ending.CAPTURE and winner == Team.BLUE)
+
+
+class Player:
+    """The learner in its seats: blue's of all rows, then red's of the rows of self-play."""
+
+    def __init__(self, env: BatchedEnv, opponents: Opponents) -> None:
+        ruleset: Ruleset = env.ruleset
+        self.env, self.opponents = env, opponents
+        n_red = len(opponents.self_rows)
+        self.n_seats = env.n_games + n_red
+        self.n_walkers = sum(not unit.flies for unit in ruleset.team(Team.BLUE))
+        self.n_units = len(ruleset.team(Team.BLUE))
+        self._blue = Encoder(ruleset, Team.BLUE, env.n_games)
+        self._red = Encoder(ruleset, Team.RED, n_red) if n_red else None
+        self._orders = {team: np.zeros((env.n_games, len(ruleset.team(team))), np.int8) for team in Team}
+        self._score = np.zeros(env.n_games, np.int32)
+
+    def restart(self) -> None:
+        """Forget all; the environment began anew in every row."""
+        self._blue.start(np.arange(self.env.n_games))
+        if self._red is not None:
+            self._red.start(np.arange(len(self.opponents.self_rows)))
+        self.opponents.start(np.ones(self.env.n_games, np.bool_))
+        self._score[:] = 0
+
+    def look(self, seen: dict[Team, Observations]) -> tuple[Encoded, NDArray[np.uint64]]:
+        """Return all seats encoded, blue's first, and each one's seed."""
+        blue = self._blue.encode(seen[Team.BLUE])
+        if self._red is None:
+            return blue, np.ascontiguousarray(seen[Team.BLUE].seed)
+        rows = seen[Team.RED].select(self.opponents.self_rows)
+        red = self._red.encode(rows)
+        return Encoded(*(np.concatenate([one, other]) for one, other in zip(blue, red, strict=True))), np.concatenate(
+            [seen[Team.BLUE].seed, rows.seed]
+        )
+
+    def reveal(self, planes: NDArray[np.uint8]) -> None:
+        """Write the true planes of every seat; uint8, shape (s, side, side, N_TRUTH_PLANES)."""
+        n_games = self.env.n_games
+        reveal(self.env.games, Team.BLUE, self._blue.is_turned, planes[:n_games])
+        if self._red is not None:
+            is_turned = np.zeros(n_games, np.bool_)
+            is_turned[self.opponents.self_rows] = self._red.is_turned
+            whole = np.zeros((n_games, *planes.shape[1:]), np.uint8)
+            reveal(self.env.games, Team.RED, is_turned, whole)
+            planes[n_games:] = whole[self.opponents.self_rows]
+
+    def step(self, seen: dict[Team, Observations], actions: NDArray[np.int8], results: Results) -> Turn:
+        """Let every seat do as told, and all others as they like; `actions` are of the frame, shape (s, units)."""
+        n_games, rows = self.env.n_games, self.opponents.self_rows
+        self._orders[Team.BLUE][:] = self._blue.to_board(actions[:n_games])
+        self.opponents.act(seen[Team.RED], self._orders[Team.RED])
+        if self._red is not None:
+            self._orders[Team.RED][rows] = self._red.to_board(actions[n_games:])
+        turn = self.env.step(self._orders)
+        self._blue.start(np.flatnonzero(turn.has_ended))
+        if self._red is not None:
+            self._red.start(np.flatnonzero(turn.has_ended[rows]))
+        self.opponents.start(turn.has_ended)
+        for name, mine in self.opponents.rows.items():
+            results.note(name, turn, mine)
+        if len(rows):
+            results.note(SELF, turn, rows)
+        return turn
+
+    def to_frame(self, orders: NDArray[np.int8]) -> NDArray[np.int8]:
+        """Return orders on the board, of all seats, as actions of each one's frame; shape (s, units)."""
+        n_games = self.env.n_games
+        parts = [self._blue.to_board(orders[:n_games])]
+        if self._red is not None:
+            parts.append(self._red.to_board(orders[n_games:]))
+        return np.concatenate(parts)
+
+    def earn(self, turn: Turn) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+        """Return reward, gain and end of each seat, as `Experience` has them."""
+        outcome = np.where(turn.winner == Team.BLUE, 1.0, np.where(turn.winner == Team.RED, -1.0, 0.0))
+        reward = np.where(turn.has_ended, outcome, 0.0).astype(np.float32)
+        is_decided = (turn.ending == Ending.CAPTURE) | (turn.ending == Ending.ELIMINATION)
+        gain = np.where(is_decided, 0.0, (turn.score - self._score) / 100).astype(np.float32)
+        self._score = np.where(turn.has_ended, 0, turn.score)
+        rows = self.opponents.self_rows
+        return (
+            np.concatenate([reward, -reward[rows]]),
+            np.concatenate([gain, -gain[rows]]),
+            np.concatenate([turn.has_ended, turn.has_ended[rows]]),
+        )
+
+
+def collect(player: Player, network: TeamNetwork, n_ticks: int, results: Results) -> Experience:
+    """Play `n_ticks` in every row."""
+    n_seats, n_units, side = player.n_seats, player.n_units, player.env.ruleset.side
+    planes = np.zeros((n_ticks, n_seats, side, side, N_PLANES), np.uint8)
+    truth = np.zeros((n_ticks + 1, n_seats, side, side, N_TRUTH_PLANES), np.uint8)
+    scalars = np.zeros((n_ticks, n_seats, N_SCALARS), np.float32)
+    cell = np.zeros((n_ticks, n_seats, n_units), np.int64)
+    alive = np.zeros((n_ticks, n_seats, n_units), np.uint8)
+    legal = np.zeros((n_ticks, n_seats, n_units, len(Action)), np.uint8)
+    actions = np.zeros((n_ticks, n_seats, n_units), np.int8)
+    logp = np.zeros((n_ticks, n_seats, n_units), np.float32)
+    reward, gain = np.zeros((2, n_ticks, n_seats), np.float32)
+    has_ended = np.zeros((n_ticks, n_seats), np.bool_)
+    for tick in range(n_ticks):
+        seen = player.env.observe()
+        encoded, seeds = player.look(seen)
+        planes[tick], scalars[tick], cell[tick], alive[tick], legal[tick] = encoded
+        player.reveal(truth[tick])
+        logits = infer(network, encoded, player.n_walkers)
+        choose(logits, seeds, actions[tick])
+        chosen = torch.from_numpy(actions[tick].astype(np.int64))[..., None]
+        logp[tick] = torch.from_numpy(logits).log_softmax(-1).gather(-1, chosen).squeeze(-1).numpy()
+        reward[tick], gain[tick], has_ended[tick] = player.earn(player.step(seen, actions[tick], results))
+    encoded, _ = player.look(player.env.observe())
+    player.reveal(truth[n_ticks])
+    return Experience(
+        planes=torch.from_numpy(planes), truth=torch.from_numpy(truth), scalars=torch.from_numpy(scalars),
+        cell=torch.from_numpy(cell), alive=torch.from_numpy(alive), legal=torch.from_numpy(legal),
+        actions=torch.from_numpy(actions.astype(np.int64)), logp=torch.from_numpy(logp),
+        reward=torch.from_numpy(reward), gain=torch.from_numpy(gain), has_ended=torch.from_numpy(has_ended),
+        last=(torch.from_numpy(encoded.planes.copy()), torch.from_numpy(encoded.scalars.copy())),
+    )  # fmt: skip

@@ -1,0 +1,296 @@
+"""A run of cloning and PPO: from nothing, from a script or from a checkpoint, over as many sittings as it takes.
+
+What was left out, and why: the state of matches is not saved. A run that goes on begins new matches, on maps of their own, which
+costs nothing but the exactness of the sequel; weights, optimiser, former selves and counts are saved every `SAVE_EVERY_S`.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from arena.envs.batched import BatchedEnv
+from arena.errors import InputError
+from arena.game.ruleset import Ruleset
+from arena.game.ruleset import load as load_rules
+from arena.game.types import Team
+from policies.checkpoint import Manifest, load_checkpoint, save_checkpoint, shape_of
+from policies.features import FEATURES_VERSION
+from policies.learned import as_bf16
+from policies.networks import Critic, TeamNetwork, TeamShape
+from policies.training.clone import Teacher, clone
+from policies.training.folder import LAST, START, STEP, RunFolder, open_board
+from policies.training.opponents import BEST, PAST, Opponents, Pool
+from policies.training.parallel import Processes
+from policies.training.ppo import Learner, Schedule
+from policies.training.rollout import Player, Results, collect
+from policies.training.settings import Settings
+
+SAVE_EVERY_S = 30.0
+CLONE = "clone:"
+_WINDOW = 0.05
+"""Weight of the newest rollout in the running scores that metrics and progress show."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Budget:
+    """How long a run goes on, cloning included: until either is used up."""
+
+    samples: int | None = None
+    minutes: float | None = None
+
+    def progress(self, samples: int, seconds: float) -> float:
+        """Return how much is used up; 1 is all."""
+        parts = [0.0]
+        if self.samples is not None:
+            parts.append(samples / self.samples)
+        if self.minutes is not None:
+            parts.append(seconds / 60 / self.minutes)
+        return max(parts)
+
+
+@dataclass(slots=True)
+class Counts:
+    """Where a run stands."""
+
+    step: int = 0
+    samples: int = 0
+    """Of PPO, over all processes."""
+    cloned: int = 0
+    rollouts: int = 0
+    seconds: float = 0.0
+    """Time spent training, over all sittings."""
+    ppo_seconds: float = 0.0
+    sittings: int = 0
+
+
+def schedule(settings: Settings, progress: float, rollouts: int) -> Schedule:
+    """Return what holds at a point of the run; `progress` is that of PPO, from 0 to 1."""
+    cosine = 0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))
+    return Schedule(
+        rate=settings.rate * (0.05 + 0.95 * cosine),
+        entropy=settings.entropy * max(1 - progress, 0.1),
+        shaping=settings.shaping * max(1 - 1.5 * progress, 0.0),
+        is_critic_only=rollouts < settings.critic_warmup,
+    )
+
+
+class Run:
+    """One run in one process of perhaps several.
+
+    Parameters
+    ----------
+    start
+        `clone:FIGHTER`, a checkpoint's file, or nothing.
+    told
+        Is called with a line about how the run goes, now and then.
+    """
+
+    def __init__(
+        self, folder: RunFolder, settings: Settings, start: str, budget: Budget, processes: Processes, told: Callable[[str], None]
+    ) -> None:
+        self.folder, self.settings, self.start, self.budget, self.processes, self.told = (
+            folder, settings, start, budget, processes, told,
+        )  # fmt: skip
+        self.ruleset: Ruleset = load_rules(settings.rules)
+        if self.ruleset.side % 2 or not self.ruleset.team(Team.BLUE):
+            raise InputError(f"ruleset {self.ruleset.name}: blue has no units to train")
+        torch.manual_seed(settings.seed)
+        network = TeamNetwork(TeamShape(channels=settings.channels, blocks=settings.blocks))
+        if start and not start.startswith(CLONE):
+            network = _read_start(Path(start), self.ruleset, network)
+        self.learner = Learner(network, Critic(), settings, processes)
+        self.pool = Pool(network.state_dict(), gate_matches=settings.gate_matches, gate_score=settings.gate_score)
+        self.counts = Counts()
+        self.scores: dict[str, float] = {}
+        state = folder.load_state()
+        if state is not None:
+            self._restore(state)
+        self.counts.sittings += 1
+
+    def train(self, should_stop: Callable[[], bool]) -> bool:
+        """Go on until the budget is used up, or `should_stop` says so; then save. Return whether the budget is used up."""
+        first_row, n_rows = self.processes.share(self.settings.games)
+        env = BatchedEnv(self.ruleset, n_rows, seed=self.settings.seed * 1_000_003 + self.counts.sittings, first_row=first_row)
+        self._opponents = Opponents(self.ruleset, self.settings.opponents, first_row, n_rows, self.learner.network)
+        self._player = Player(env, self._opponents)
+        self._generator = torch.Generator().manual_seed(self.settings.seed + self.processes.rank + 977 * self.counts.sittings)
+        self._rng = np.random.default_rng([self.settings.seed, self.processes.rank, self.counts.sittings])
+        self._board = open_board(self.folder.path) if self.processes.is_first else None
+        self._saved_s = self._now_s = time.monotonic()
+        if self.start.startswith(CLONE) and self.counts.cloned < self.settings.clone_samples:
+            self._clone(self.start.removeprefix(CLONE), should_stop)
+        self._meet_selves()
+        while not self._agree(should_stop()) and self.progress < 1:
+            self._improve()
+        self.save()
+        return self.progress >= 1
+
+    @property
+    def progress(self) -> float:
+        """How much of the budget is used up; the same in every process."""
+        mine = self.budget.progress(self.counts.cloned + self.counts.samples, self.counts.seconds)
+        return self.processes.share_first(mine)
+
+    def save(self) -> None:
+        """Write the weights that play, and the state to go on from."""
+        self._saved_s = time.monotonic()
+        if not self.processes.is_first:
+            return
+        self._save_weights(LAST)
+        self.folder.save_state({
+            "network": self.learner.network.state_dict(), "critic": self.learner.critic.state_dict(),
+            "optimiser": self.learner.optimiser.state_dict(), "average": self.learner.average,
+            "scale": [self.learner.scale.mean, self.learner.scale.square, self.learner.scale.weight],
+            "selves": self.pool.selves, "points": self.pool.points, "recent": list(self.pool.recent),
+            "counts": asdict(self.counts), "scores": self.scores,
+        })  # fmt: skip
+
+    def _restore(self, state: Mapping[str, Any]) -> None:
+        try:
+            self.learner.network.load_state_dict(state["network"])
+            self.learner.critic.load_state_dict(state["critic"])
+            self.learner.optimiser.load_state_dict(state["optimiser"])
+            self.learner.average = state["average"]
+            self.learner.scale.mean, self.learner.scale.square, self.learner.scale.weight = state["scale"]
+            self.pool.selves, self.pool.points = state["selves"], state["points"]
+            self.pool.recent.extend(state["recent"])
+            self.counts, self.scores = Counts(**state["counts"]), state["scores"]
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
+            raise InputError(f"cannot go on from {self.folder.path}: its state is of another version ({error})") from error
+        if self.processes.is_first:
+            self.folder.cut_metrics(self.counts.step)
+
+    def _clone(self, name: str, should_stop: Callable[[], bool]) -> None:
+        teacher = Teacher(name, self._player)
+        while self.counts.cloned < self.settings.clone_samples:
+            if self._agree(should_stop()) or self.progress >= 1:
+                return
+            part = self.counts.cloned / self.settings.clone_samples
+            n, facts = clone(self._player, teacher, self.learner, part, self._rng, self._generator)
+            self.counts.cloned += n * self.processes.n
+            self._note("clone", n, facts, Results())
+        self.learner.network.load_state_dict(self.learner.average)
+        self.learner.optimiser = torch.optim.Adam(self.learner.parameters, lr=self.settings.rate, eps=1e-5)
+        self.pool = Pool(self.learner.average, gate_matches=self.settings.gate_matches, gate_score=self.settings.gate_score)
+        if self.processes.is_first:
+            self._save_weights(START)
+        self.save()
+
+    def _improve(self) -> None:
+        """Play a rollout, learn from it, and see whether the best self is to be replaced."""
+        results, start_s = Results(), time.monotonic()
+        now = schedule(self.settings, self._ppo_progress(), self.counts.rollouts)
+        experience = collect(self._player, as_bf16(self.learner.network), self.settings.horizon, results)
+        played_s = time.monotonic() - start_s
+        facts = self.learner.learn(experience, self._player.n_walkers, now, self._generator)
+        facts |= {"rate": now.rate, "played_share": played_s / (time.monotonic() - start_s)}
+        n = experience.reward.numel()
+        self.counts.samples += n * self.processes.n
+        self.counts.rollouts += 1
+        for theirs in self.processes.gather((results.points.get(BEST, []), self._past, results.points.get(PAST, []))):
+            best, past, against_past = theirs
+            self.pool.note_best(best)
+            self.pool.note_past(past, against_past)
+        if self.pool.try_gate(self.learner.average) or self.counts.rollouts % 8 == 0:
+            self._meet_selves()
+        self._note("ppo", n, facts, results)
+
+    def _ppo_progress(self) -> float:
+        """How much of what cloning left of the budget is used up."""
+        total, cloning = self.progress, self.budget.progress(self.counts.cloned, self.counts.seconds - self.counts.ppo_seconds)
+        cloning = self.processes.share_first(cloning)
+        return min(max((total - cloning) / max(1 - cloning, 1e-9), 0.0), 1.0)
+
+    def _meet_selves(self) -> None:
+        self._past = min(self.pool.draw_past(self._rng), len(self.pool.selves) - 1)
+        self._opponents.use(BEST, self.pool.best, self.learner.network)
+        self._opponents.use(PAST, self.pool.selves[self._past], self.learner.network)
+
+    def _note(self, stage: str, n: int, facts: dict[str, float], results: Results) -> None:
+        """Count, write the metrics, save if it is time, and tell."""
+        now_s = time.monotonic()
+        took_s, self._now_s = now_s - self._now_s, now_s
+        self.counts.step += 1
+        self.counts.seconds += took_s
+        if stage == "ppo":
+            self.counts.ppo_seconds += took_s
+        for name, points in results.points.items():
+            if points:
+                weight = 1 - (1 - _WINDOW) ** (len(points) / 4)
+                self.scores[name] = (1 - weight) * self.scores.get(name, 0.5) + weight * float(np.mean(points))
+        per_s = n * self.processes.n / max(took_s, 1e-9)
+        if self.processes.is_first:
+            row: dict[str, float | int | str] = {
+                STEP: self.counts.step, "stage": stage, "seconds": self.counts.seconds, "cloned": self.counts.cloned,
+                "samples": self.counts.samples, "per_s": per_s, "selves": len(self.pool.selves),
+                "ticks": float(np.mean(results.ticks)) if results.ticks else math.nan,
+            }  # fmt: skip
+            names = (
+                "clone_loss",
+                "agreed",
+                "policy_loss",
+                "value_loss",
+                "entropy",
+                "kl",
+                "clipped",
+                "explained",
+                "steps",
+                "rate",
+            )
+            row |= {name: facts.get(name, math.nan) for name in (*names, "played_share")}
+            row |= {f"score_{name}": self.scores.get(name, math.nan) for name in sorted(self.settings.opponents)}
+            self.folder.add_metrics(row)
+            self._draw(row)
+        if self._agree(time.monotonic() - self._saved_s > SAVE_EVERY_S):
+            self.save()
+            self.told(self._describe(stage, per_s, facts))
+
+    def _draw(self, row: Mapping[str, float | int | str]) -> None:
+        if self._board is not None:
+            for name, value in row.items():
+                if isinstance(value, int | float) and math.isfinite(value):
+                    self._board.add_scalar(name, value, self.counts.cloned + self.counts.samples)
+
+    def _describe(self, stage: str, per_s: float, facts: Mapping[str, float]) -> str:
+        progress, counts = self.progress, self.counts
+        left_s = counts.seconds / progress * (1 - progress) if progress else math.nan
+        if stage == "clone":
+            how = f"agrees with the script in {facts['agreed']:.2f}"
+        else:
+            how = "score " + ", ".join(f"{name} {score:.2f}" for name, score in sorted(self.scores.items()))
+        return f"{stage} {counts.cloned + counts.samples:,} samples, {per_s:,.0f} per s, {left_s / 60:.0f} min left; {how}"
+
+    def _save_weights(self, name: str) -> None:
+        kind, shape = shape_of(self.learner.network)
+        training = {"method": "ppo", "start": self.start, "settings": asdict(self.settings), **asdict(self.counts)}
+        manifest = Manifest(
+            network=kind, shape=shape, features=FEATURES_VERSION, ruleset=self.ruleset.name, ruleset_hash=self.ruleset.hash,
+            training=training,
+        )  # fmt: skip
+        save_checkpoint(self.folder.path / name, self.learner.average, manifest)
+
+    def _agree(self, mine: bool) -> bool:
+        """Return what the first process thinks, so that all stop, or save, together."""
+        return self.processes.share_first(mine)
+
+
+def _read_start(path: Path, ruleset: Ruleset, fresh: TeamNetwork) -> TeamNetwork:
+    checkpoint = load_checkpoint(path)
+    network = checkpoint.network
+    if not isinstance(network, TeamNetwork):
+        raise InputError(
+            f"cannot start from {path}: it holds a {checkpoint.manifest.network} network, and PPO trains a team network"
+        )
+    if network.shape != fresh.shape:
+        raise InputError(f"cannot start from {path}: its network is of {network.shape}; the settings ask for {fresh.shape}")
+    if checkpoint.manifest.ruleset_hash != ruleset.hash:
+        raise InputError(
+            f"cannot start from {path}: it was trained on ruleset {checkpoint.manifest.ruleset}, not on {ruleset.name} of today"
+        )
+    return network.train().requires_grad_(True)

@@ -1,0 +1,99 @@
+"""Names of strangers in the browser: whatever a pit or a store says, it is text on the page and never markup."""
+
+import asyncio
+import threading
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import uvicorn
+from chromium import browser, visit
+
+from arena.address import Address
+from arena.errors import ArenaError
+from arena.game.ruleset import load, to_dict
+from arena.protocol.messages import Lobby
+from clients.web.pit import PitClient
+from clients.web.server import WebSettings, listen, make_app
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+__all__ = ["browser", "visit"]
+
+EVIL = "<script>window.evil = 1</script><img src=x onerror='window.evil = 1'>"
+PATIENCE_S = 30.0
+
+
+class EvilPit(PitClient):
+    """A pit whose every name is markup."""
+
+    async def run(self) -> None:
+        ruleset = load("paper")
+        self.lobby = Lobby(
+            pit=EVIL,
+            rules=EVIL,
+            rules_hash=EVIL,
+            ruleset=to_dict(ruleset) | {"name": EVIL},
+            needs_invite=False,
+            n_begun=1,
+            running=[{"match": EVIL, "blue": EVIL, "red": EVIL, "tick": 1}],
+            waiting=[EVIL],
+        )
+        ending = {"ending": EVIL, "winner": EVIL, "score": 0, "ticks": 1, "reason": EVIL}
+        self.results.append({"match": EVIL, "names": [EVIL, EVIL]} | ending)
+        await asyncio.Event().wait()
+
+
+class EvilLeagues:
+    """A store whose every name is markup."""
+
+    def names(self) -> list[str]:
+        return [EVIL]
+
+    def report(self, name: str) -> dict[str, Any]:
+        numbers = {"rank": 1, "rank_low": 1, "rank_high": 1, "elo": 0.0, "elo_low": -1.0, "elo_high": 1.0, "score": 0.5}
+        counts = {"wins": 1, "draws": 0, "losses": 1, "forfeits": 0}
+        return {
+            "league": {"name": name, "ruleset": EVIL},
+            "matches": {"played": 1, "planned": 1, "complete": True},
+            "standings": [{"entry": EVIL} | numbers | counts],
+            "cross": {EVIL: {EVIL: {"wins": 1, "draws": 0, "losses": 1, "score": 0.5}}},
+            "results": [{"identity": EVIL, "blue": EVIL, "red": EVIL, "winner": None, "ending": EVIL, "ticks": 1}],
+        }
+
+    def journal(self, name: str, identity: str) -> bytes:
+        raise ArenaError(EVIL)
+
+
+@pytest.fixture
+def home() -> Iterator[str]:
+    pit = EvilPit(Address(), None, lambda _: None)
+    with listen("127.0.0.1", 0) as listening:
+        config = uvicorn.Config(make_app(WebSettings(pit=pit, leagues=EvilLeagues())), log_level="error", ws="websockets-sansio")
+        server = uvicorn.Server(config)
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+        thread.start()
+        yield f"http://127.0.0.1:{listening.getsockname()[1]}"
+        server.should_exit = True
+        thread.join(PATIENCE_S)
+        assert not thread.is_alive()
+
+
+def is_harmless(page: "Page") -> bool:
+    return bool(page.evaluate("window.evil === undefined")) and page.locator("main script, main img:not([role])").count() == 0
+
+
+def test_markup_in_a_name_is_shown_as_it_is_written(home: str, visit: Callable[..., "Page"]) -> None:
+    lobby, league = visit(f"{home}/"), visit(f"{home}/league")
+
+    lobby.locator("td.blue", has_text=EVIL).wait_for()
+    lobby.locator(".results li", has_text=EVIL).wait_for()
+    lobby.locator("dd", has_text=EVIL).first.wait_for()
+    league.locator("tbody th", has_text=EVIL).first.wait_for()
+    league.locator(".cross button").click()
+    league.locator("#fixture li", has_text=EVIL).wait_for()
+    league.get_by_role("link", name="Replay").click()
+    league.locator(".state", has_text=f"This match cannot be shown: {EVIL}").wait_for()
+    assert is_harmless(lobby)
+    assert is_harmless(league)

@@ -1,0 +1,132 @@
+"""A person plays in the browser: a whole match by clicks and keys, a page that is lost and comes back, two people at once."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from chromium import browser, says, visit
+
+from arena.game.types import Action, Ending
+from arena.records.journal import load_journal
+from arena.records.transcript import load_transcript
+from arena.transport import free_port
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+__all__ = ["browser", "visit"]
+
+Start = Callable[..., Any]
+SIDE = 8
+BOARD = """
+F . . . . . . .
+. . . . . . . .
+. . . . . . . .
+U . . . . . . f
+. . . . . . . .
+. . . . . . . .
+. . . . . . . u
+. . . . . . . .
+"""
+
+
+@pytest.fixture
+def home(serve: Start, tmp_path: Path) -> str:
+    """Open a pit on an empty board, where blue walks straight to the flag, and return where its page is."""
+    rules, page_port = tmp_path / "open.toml", free_port()
+    rules.write_text(f"base = 'paper'\nboard = '''{BOARD}'''\n[units.ugv]\nattack = 0\n")
+    serve("--web", page_port, "--turn-time", 60, "--rules", rules).wait_for("web page at ")
+    return f"http://127.0.0.1:{page_port}"
+
+
+def sit_down(page: "Page", name: str, team: str, against: str) -> None:
+    page.get_by_label("Name").fill(name)
+    page.get_by_label("Team").select_option(team)
+    page.get_by_label("Against").select_option(against)
+    page.get_by_role("button", name="Take a seat").click()
+
+
+def wait_for_tick(page: "Page", tick: int) -> None:
+    page.locator(".score", has_text=f"tick {tick} of 100").wait_for()
+
+
+def click_cell(page: "Page", row: int, column: int) -> None:
+    board = page.get_by_role("img")
+    box = board.bounding_box()
+    assert box is not None
+    board.click(position={"x": (column + 0.5) * box["width"] / SIDE, "y": (row + 0.5) * box["height"] / SIDE})
+
+
+def test_a_person_plays_a_whole_match_by_clicks_and_keys_and_comes_back_to_a_lost_page(
+    home: str, visit: Start, tmp_path: Path
+) -> None:
+    page = visit(f"{home}/play")
+    sit_down(page, "eve", "blue", "patrol")
+    says(page, "Your turn")
+    unit = page.locator(".units button")
+
+    assert unit.all_text_contents() == ["UGV at 3, 0: no order"]
+    assert page.get_by_role("button", name="West").is_disabled()  # the board ends there
+    page.keyboard.press("d")  # the only unit has its order, which ends the turn
+    wait_for_tick(page, 1)
+    assert unit.all_text_contents() == ["UGV at 3, 1: east"]  # an order stays
+    page.keyboard.press("Enter")
+    wait_for_tick(page, 2)
+    page.reload()
+    says(page, "Your turn")
+    assert unit.all_text_contents() == ["UGV at 3, 2: east"]
+    page.get_by_role("button", name="South").click()
+    wait_for_tick(page, 3)
+    assert unit.all_text_contents() == ["UGV at 4, 2: south"]
+    click_cell(page, 3, 7)
+    wait_for_tick(page, 4)
+    assert "to 3,7" in unit.all_text_contents()[0]
+    is_over = page.get_by_role("button", name="Play again")
+    for tick in range(5, 20):  # the enemy may stand in the way for a while
+        page.keyboard.press("Enter")
+        page.locator(".score", has_text=f"tick {tick} of 100").or_(is_over).first.wait_for()
+        if is_over.is_visible():
+            break
+
+    says(page, "Checked: the journal is of this match")
+    (journal,) = map(load_journal, (tmp_path / "journals").glob("*.journal"))
+    (transcript,) = (load_transcript(path) for path in (tmp_path / "transcripts").rglob("*") if path.is_file())
+    assert journal.header.blue == "eve"
+    assert journal.header.red == "patrol"
+    assert journal.ending is not None
+    assert journal.ending.ending is Ending.CAPTURE
+    assert [tick.orders[0] for tick in journal.ticks[:3]] == [Action.EAST, Action.EAST, Action.SOUTH]
+    assert transcript.header.name == "eve"
+    page.get_by_role("link", name="Watch it").click()
+    says(page, "Every tick was played again and holds.")
+
+
+def test_two_browsers_play_each_other(home: str, visit: Start, tmp_path: Path) -> None:
+    blue, red = visit(f"{home}/play"), visit(f"{home}/play", width=390)
+    sit_down(blue, "eve", "blue", "")
+    says(blue, "eve waits")
+    sit_down(red, "kim", "red", "")
+    for page in (blue, red):
+        says(page, "Your turn")
+    assert "against kim" in (blue.locator(".score").text_content() or "")
+    assert "against eve" in (red.locator(".score").text_content() or "")
+
+    for tick in range(1, 8):
+        blue.keyboard.press("ArrowRight" if tick == 1 else "Enter")
+        says(blue, "The others move") if tick == 1 else None
+        red.keyboard.press(".")
+        for page in (blue, red):
+            wait_for_tick(page, tick) if tick < 7 else says(page, "by capture")
+
+    says(blue, "You win by capture after 7 ticks")
+    says(red, "You lose by capture after 7 ticks")
+
+
+def test_a_name_that_is_none_is_refused_in_a_sentence(home: str, visit: Start) -> None:
+    page = visit(f"{home}/play")
+    page.get_by_label("Name").evaluate("field => { field.removeAttribute('pattern'); field.removeAttribute('maxlength'); }")
+
+    sit_down(page, "<script>", "any", "patrol")
+
+    says(page, "No seat: the name is '<script>'; it must be 1 to 64 letters, digits, - or _.")

@@ -1,0 +1,65 @@
+"""The leagues of a store as the web page gets them: no journal while another match may be on its map."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from arena.errors import ArenaError
+from arena.records.journal import match_id, read_journal
+from tournaments.showcase import Leagues
+from tournaments.store import Store
+
+LEAGUE = """
+pairs = 2
+venue = "local"
+seed = 3
+[rules]
+side = 10
+tick_limit = 20
+[entries]
+rush = "rush"
+random = "random"
+"""
+
+
+@pytest.fixture
+def data(arena: Callable[..., Any], tmp_path: Path) -> Path:
+    league = tmp_path / "friday.toml"
+    league.write_text(LEAGUE)
+    assert arena("tournament", "run", league, "--data", tmp_path).returncode == 0
+    return tmp_path
+
+
+def test_where_there_is_no_store_there_are_no_leagues(tmp_path: Path) -> None:
+    assert Leagues(tmp_path, "").names() == []
+
+
+def test_a_finished_league_gives_its_report_and_its_journals(data: Path) -> None:
+    leagues = Leagues(data, "")
+
+    assert leagues.names() == ["friday"]
+    report = leagues.report("friday")
+    assert report["matches"]["complete"]
+    assert len(report["results"]) == report["matches"]["played"] == 4
+    for result in report["results"]:
+        journal = read_journal(leagues.journal("friday", result["identity"]))
+        assert match_id(journal.header.identity) == match_id(result["identity"])
+
+
+def test_no_journal_is_given_before_the_last_match_of_two_entries(data: Path) -> None:
+    with Store(str(data / "arena.db")) as store:
+        league = store.get("friday")
+        outcomes = store.outcomes(league)
+    other = data / "half.db"
+    with Store(str(other)) as store:
+        half = store.enter("friday", league.facts, league.n_pairs)
+        for outcome in outcomes[:-1]:
+            store.add(half, outcome)
+    leagues = Leagues(data, str(other))
+
+    with pytest.raises(ArenaError, match="until the last match of these two is over"):
+        leagues.journal("friday", outcomes[0].identity)
+    with pytest.raises(ArenaError, match="has no match"):
+        leagues.journal("friday", outcomes[-1].identity)
