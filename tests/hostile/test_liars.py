@@ -14,7 +14,20 @@ from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES, decode, encode
 from arena.protocol.facts import read_fact
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Closed, Ended, JoinRequest, Knock, Orders, Ready, Refusal, Signed, Ticket, Turn, Wait
+from arena.protocol.messages import (
+    PROTOCOL_VERSION,
+    Closed,
+    Ended,
+    JoinRequest,
+    Knock,
+    Orders,
+    Ready,
+    Refusal,
+    Signed,
+    Ticket,
+    Turn,
+    Wait,
+)
 from arena.records.journal import Mark, load_journal
 from arena.referee.replay import verify
 
@@ -97,8 +110,8 @@ def test_no_request_brings_the_pit_down(serve: Start, stranger: Start) -> None:
         (os.urandom(100), "the request cannot be read"),
         (bytes(MOST_BYTES), "the request cannot be read"),
         (bytes(MOST_BYTES + 1), "the request cannot be read"),
-        (msgpack.packb([99, 0]), "the other side speaks version 99 of the protocol; this is version 2"),
-        (of_another_version, "the other side speaks version 99 of the protocol; this is version 2"),
+        (msgpack.packb([99, 0]), f"the other side speaks version 99 of the protocol; this is version {PROTOCOL_VERSION}"),
+        (of_another_version, f"the other side speaks version 99 of the protocol; this is version {PROTOCOL_VERSION}"),
         (encode(Ready(known_ticks=0)), "this is no request for a seat"),
         (encode(known), "this is no request for a seat"),
         (encode(Knock(sealed=b"")), "a request does not open"),

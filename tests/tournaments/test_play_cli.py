@@ -213,7 +213,7 @@ def test_a_board_of_one_s_own_is_played_in_both_layouts(arena: Run, tmp_path: Pa
     shown = arena("replay", "show", next((tmp_path / "j").iterdir()), "--tick", 0).stdout
 
     assert done.returncode == 0, done.stderr
-    assert [line.split()[-4:] for line in shown.splitlines()[2:]] == [list("F··u"), list("U···"), list("··A·"), list("a··f")]
+    assert [line.split()[-4:] for line in shown.splitlines()[2:]] == [list("F·:u"), list("U·::"), list("··A:"), list("a·:f")]
 
 
 def test_a_board_that_is_not_text_is_one_sentence(arena: Run, tmp_path: Path) -> None:
