@@ -12,7 +12,7 @@ COPY arena arena
 COPY clients clients
 COPY policies policies
 COPY tournaments tournaments
-RUN /opt/arena/bin/pip install --no-cache-dir --constraint constraints.txt .
+RUN /opt/arena/bin/pip install --no-cache-dir --constraint constraints.txt ".[postgres]"
 
 FROM python:3.12-slim
 RUN useradd --create-home --uid 1000 arena && install --directory --owner=arena /data /kernels

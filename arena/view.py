@@ -59,12 +59,20 @@ def draw_board(grid: NDArray[np.int8], *, is_wide: bool, dimmed: Mask | None = N
 
 
 def draw_row(
-    title: str, boards: Sequence[tuple[str, NDArray[np.int8]]], width: int, *, dimmed: Mask | None = None, aside: str = ""
+    title: str,
+    boards: Sequence[tuple[str, NDArray[np.int8]]],
+    width: int,
+    *,
+    height: int | None = None,
+    dimmed: Mask | None = None,
+    aside: str = "",
 ) -> Group:
     """Return boards side by side under a title, or one under the other where `width` does not hold them side by side.
 
     Parameters
     ----------
+    height
+        Lines of a screen that does not scroll: where the boards do not fit, the first stands alone, with a note.
     dimmed
         Cells of the last board that are shown dimmed.
     aside
@@ -75,7 +83,11 @@ def draw_row(
     dims = [None] * (n_boards - 1) + [dimmed]
     drawn = [draw_board(grid, is_wide=is_wide, dimmed=dim) for (_, grid), dim in zip(boards, dims, strict=True)]
     labels = [Text(label, "bold") for label, _ in boards]
-    if width < n_boards * (side + gap) - gap:
+    least_width = n_boards * (side + gap) - gap
+    if width < least_width:
+        if height is not None and height < 1 + n_boards * (side + 1):
+            others = " and ".join(label for label, _ in boards[1:])
+            return Group(Text(title), labels[0], drawn[0], Text(f"{others}: from {least_width} columns on", "italic"))
         return Group(Text(title), *(part for pair in zip(labels, drawn, strict=True) for part in pair))
     table = Table.grid(padding=(0, gap, 0, 0))
     beside = width - n_boards * ((2 if is_wide else 1) * side + gap) >= max(map(len, aside.splitlines()), default=0) > 0
@@ -102,11 +114,11 @@ class Memory:
         is_hidden = grid == Code.HIDDEN
         return np.where(is_hidden, self._ground, grid), is_hidden
 
-    def draw_pair(self, title: str, seen: Observation, width: int, aside: str = "") -> Group:
+    def draw_pair(self, title: str, seen: Observation, width: int, aside: str = "", *, height: int | None = None) -> Group:
         """Return what the seat sees, and beside it the same with the ground that it remembers, dimmed."""
         known, is_hidden = self.recall(seen)
         boards = [(f"what {seen.team.name.lower()} sees", seen.grid), ("and remembers", known)]
-        return draw_row(title, boards, width, dimmed=is_hidden, aside=aside)
+        return draw_row(title, boards, width, height=height, dimmed=is_hidden, aside=aside)
 
 
 def tell_orders(seen: Observation, orders: bytes) -> str:

@@ -240,7 +240,8 @@ def watch(
         for chosen, frame in watch(address, authority, match, lambda pit_key: trust(address, pit_key), key):
             names = frame.names or names
             if frame.ended is None and (key is None or frame.truth is not None):
-                drawn = _draw(chosen, names, frame, console.width if is_live(console) else 10_000)
+                width, height = (console.width, console.height) if is_live(console) else (10_000, None)
+                drawn = _draw(chosen, names, frame, width, height)
                 if is_live(console):
                     live.update(drawn, refresh=True)
                 else:
@@ -253,7 +254,7 @@ def watch(
         typer.echo(f"{winner} by {how} after {ended.ticks} ticks, score {ended.score:+d} for blue")
 
 
-def _draw(match: str, names: tuple[str, str], frame: "Frame", width: int) -> "RenderableType":
+def _draw(match: str, names: tuple[str, str], frame: "Frame", width: int, height: int | None) -> "RenderableType":
     """Return what one tick looks like."""
     from rich.text import Text
 
@@ -267,7 +268,7 @@ def _draw(match: str, names: tuple[str, str], frame: "Frame", width: int) -> "Re
     if frame.truth is None or frame.seen is None:
         return Text(title)
     boards = [("what blue sees", frame.seen[0]), ("the truth", frame.truth), ("what red sees", frame.seen[1])]
-    return draw_row(title, boards, width)
+    return draw_row(title, boards, width, height=height)
 
 
 def _plain(drawn: "RenderableType") -> str:

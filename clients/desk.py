@@ -37,7 +37,7 @@ class Desk:
         self.result: MatchResult | None = None
         """How the last match ended; None while one runs."""
         self.waits = ""
-        """What for, while no match runs."""
+        """What for: while no match runs, and while the pit is lost."""
         self.seen: list[Observation] = []
         """Of the match that runs, or ran last."""
         self.autopilot = autopilot
@@ -138,14 +138,18 @@ class Desk:
             commander = self.commander
             assert commander is not None
             is_new = commander.tick != int(observations.tick[0])
+            is_back, self.waits = bool(self.waits), ""  # whoever is asked is not waiting
             if is_new:
                 self._show(commander, observations)
-            is_late = self._deadline_s is not None and self._clock() >= self._deadline_s
+            elif is_back and self._is_late():  # a pit that asks so late began the turn anew, after it was away itself
+                self._set_deadline(self.seen[-1])
+                commander.extend(self._deadline_s)
+            is_late = self._is_late()
             is_done = is_late or self._done_tick >= commander.tick
             if is_done:
                 self._done_tick = commander.tick
             actions = [int(action) for action in commander.actions()]
-        if is_new or is_late:
+        if is_new or is_late or is_back:
             self.on_change()
         if not is_done:
             raise Thinking
@@ -161,11 +165,17 @@ class Desk:
         self._told = observations.select(np.zeros(1, np.intp))
         seen = self._told.seat(0, commander.ruleset)
         self.seen.append(seen)
+        self._set_deadline(seen)
+        commander.see(seen, None if self._pilot is None else _ask(self._pilot, self._told), self._deadline_s)
+
+    def _set_deadline(self, seen: Observation) -> None:
         if self._turn_time_s is None:
             self._deadline_s = None
         else:
             self._deadline_s = self._clock() + max(self._turn_time_s + (seen.clock_s or 0.0) - MARGIN_S, 0.0)
-        commander.see(seen, None if self._pilot is None else _ask(self._pilot, self._told), self._deadline_s)
+
+    def _is_late(self) -> bool:
+        return self._deadline_s is not None and self._clock() >= self._deadline_s
 
 
 class _Person(BatchPolicy):

@@ -62,6 +62,10 @@ class Commander:
             self.selected = -1
             self.select_next()
 
+    def extend(self, deadline_s: float | None) -> None:
+        """Let the turn that is on end later: the pit was away meanwhile."""
+        self._deadline_s = deadline_s
+
     def advise(self, advice: Sequence[int] | None) -> None:
         """Change what units without orders do in this turn: an action per unit, or None for staying."""
         self._advice = advice

@@ -24,7 +24,7 @@ from tournaments.entries import kind_of_file, name_of, public_key_of
 from tournaments.league import BOUNDS, DEFAULT_TERMS, MAPS, PAIRINGS, VENUES, League, LeagueError
 from tournaments.sprt import Sprt
 
-LEAGUES = ("starter",)
+LEAGUES = ("starter", "fighters", "fighters-gym-cap")
 MOST_PAIRS = 1_000_000
 _KEYS = (
     "name", "ruleset", "rules", "pairs", "pairing", "hero", "sprt", "maps", "seed", "secret", "venue", "listen", "turn_time_s",

@@ -49,7 +49,7 @@ rush = "rush"
 patrol = "patrol"
 # mine = "mybot.py"
 # trained = "best.safetensors"
-# other = "exec:java -jar other.jar"
+# other = "exec:java -jar /home/me/other.jar"   # full paths, since it starts in a home of its own; needs maps = "fresh"
 # far = "key:PUBLICKEY"   # joins by itself, from wherever it is; `arena keys show` prints the key of an entry
 """
 

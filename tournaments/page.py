@@ -17,7 +17,7 @@ from arena.game.types import Team
 from arena.records.journal import journal_name
 from tournaments.charts import chance_map, heat_map, rating_plot, say_record, side_plot
 from tournaments.outcome import Outcome
-from tournaments.report import MOST_TOLD, Report, fault_kinds, rank_range, verdict_lines, warnings
+from tournaments.report import LATENCY_NOTE, MOST_TOLD, Report, fault_kinds, rank_range, verdict_lines, warnings
 from tournaments.standings import Standing
 from tournaments.store import StoredLeague
 
@@ -75,6 +75,7 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
         folder=folder,
         rank_range=rank_range,
         has_latency=any(row.latency for row in standings.rows),
+        latency_note=LATENCY_NOTE,
     )
 
 

@@ -4,12 +4,14 @@ The referee is told of nothing but the matches that are left, and resumes those 
 the scheduler is gone, and so does every client: whoever starts the league again starts it with processes of its own.
 """
 
+import logging
 import multiprocessing
 import os
 import signal
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -40,6 +42,7 @@ _REFEREE_LOG = "pit.referee.log"  # no name of an entry holds a dot
 _POLL_S = 0.2
 _PATIENCE_S = 20
 _GOODBYE_S = 5
+logger = logging.getLogger(__name__)
 
 
 class _Lives:
@@ -53,13 +56,30 @@ class _Lives:
         """Count from here how long it lives."""
         self._born_at_s = time.monotonic()
 
-    def end(self, last_words: str = "") -> None:
-        """Count a death; `ArenaError` if it dies again and again."""
+    def end(self) -> None:
+        """Count a death."""
         lived_s = time.monotonic() - self._born_at_s
         self._n_deaths = self._n_deaths + 1 if lived_s < YOUNG_S else 1
-        if self._n_deaths > MOST_DEATHS:
-            why = f": {last_words}" if last_words else f"; {self._log} says why"
-            raise ArenaError(f"{self._who} died {self._n_deaths} times in a row{why}")
+
+    @property
+    def are_spent(self) -> bool:
+        """Whether it dies again and again."""
+        return self._n_deaths > MOST_DEATHS
+
+    def obituary(self, last_words: str = "") -> str:
+        """Return how it died, in one sentence."""
+        why = f": {last_words}" if last_words else f"; {self._log} says why"
+        return f"{self._who} died {self._n_deaths} times in a row{why}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Absence:
+    """Since when a client is kept away."""
+
+    n_left: int
+    """Matches that it had to play then."""
+    give_up_at_s: float
+    """By then the referee has ruled, if there is anything to rule on."""
 
 
 class RefereeProcess:
@@ -130,7 +150,9 @@ class RefereeProcess:
         """Take note of a referee that is gone; `ArenaError` if that happens again and again."""
         self._process.join()
         self._heard.close()
-        self._lives.end(last_words)
+        self._lives.end()
+        if self._lives.are_spent:
+            raise ArenaError(self._lives.obituary(last_words))
 
 
 class ClientProcess:
@@ -162,9 +184,12 @@ class ClientProcess:
             str(_PATIENCE_S),
         ]
         self._lives = _Lives(f"the client of {name}", self._log)
+        self._grace_s = setting.terms.grace_s
+        self._away: _Absence | None = None
         self._start()
 
     def _start(self) -> None:
+        self._away = None
         self._lives.begin()
         with self._log.open("ab") as log:
             self._confined = Confined(self._command, self._limits, self._home, log)
@@ -175,12 +200,35 @@ class ClientProcess:
     def __exit__(self, *_: object) -> None:
         self._confined.end(_GOODBYE_S)
 
-    def keep_alive(self) -> None:
-        """Start the client anew if it died, while it still has matches to play."""
-        if self._confined.process.poll() is None:
+    def keep_alive(self, n_left: int) -> None:
+        """Start the client anew if it died, while it still has matches to play.
+
+        One that dies again and again stays away until the referee has ruled that it forfeits what it was in the middle of: a bot
+        that cannot live through a match loses it, and ends nobody's league.
+
+        Parameters
+        ----------
+        n_left
+            Matches that it still has to play.
+
+        Raises
+        ------
+        ArenaError
+            It died again and again, and no match was there to be ruled on: it does not come as far as that.
+        """
+        if n_left == 0 or (self._away is None and self._confined.process.poll() is None):
             return
-        self._confined.end(0)
-        self._lives.end()
+        if self._away is None:
+            self._confined.end(0)
+            self._lives.end()
+            if self._lives.are_spent:
+                logger.warning("%s; what it is in the middle of is forfeited", self._lives.obituary())
+                self._away = _Absence(n_left=n_left, give_up_at_s=time.monotonic() + self._grace_s + _PATIENCE_S)
+                return
+        elif n_left == self._away.n_left:
+            if time.monotonic() > self._away.give_up_at_s:
+                raise ArenaError(self._lives.obituary())
+            return
         self._start()
 
 

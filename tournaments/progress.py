@@ -3,6 +3,7 @@
 from typing import Any
 
 from tournaments.duel import judge
+from tournaments.league import League
 from tournaments.schedule import count_matches
 from tournaments.store import Store, StoredLeague
 
@@ -20,3 +21,9 @@ def progress_of(store: Store, league: StoredLeague) -> dict[str, Any]:
         "planned": n_planned,
         "complete": n_played >= n_planned or (test is not None and test.is_decided),
     }
+
+
+def is_over(store: Store, league: League) -> bool:
+    """Return whether nothing is left to be played of what a league's file asks for, edits of it aside."""
+    row = store.find(league.name)
+    return row is not None and league.n_pairs <= row.n_pairs and bool(progress_of(store, row)["complete"])

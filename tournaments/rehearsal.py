@@ -9,10 +9,13 @@ judged; that is counted in the matches.
 import json
 import sys
 import tempfile
+import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from subprocess import TimeoutExpired
+from threading import Event
 
 import numpy as np
 
@@ -30,6 +33,7 @@ PATIENCE_S = 60.0
 """What is not ready to play by then is taken not to be at all; a large network is loaded in it."""
 _AT_ONCE = 4
 """Processes; most of a start is waiting for the disk."""
+_POLL_S = 0.1
 _MOST_LETTERS = 300
 _SAYS = "arena: "
 """Begins the line in which the process says how it went; whatever else it says is the fighter's."""
@@ -58,25 +62,32 @@ def rehearse(
         if public_key_of(spec) is None:
             names_of.setdefault(spec, []).append(name)
     strangers = [spec for spec in names_of if spec not in OWN or limits != NO_LIMITS]
+    is_over = Event()
     with ThreadPoolExecutor(_AT_ONCE) as pool:
-        whys = pool.map(lambda spec: _try(spec, ruleset, homes / names_of[spec][0], limits, patience_s), strangers)
-        failures = [
-            f"{name} cannot start: {why}" for spec, why in zip(strangers, whys, strict=True) if why for name in names_of[spec]
-        ]
+        whys = pool.map(lambda spec: _try(spec, ruleset, homes / names_of[spec][0], limits, patience_s, is_over), strangers)
+        try:
+            failures = [
+                f"{name} cannot start: {why}" for spec, why in zip(strangers, whys, strict=True) if why for name in names_of[spec]
+            ]
+        finally:
+            is_over.set()  # whoever interrupts it waits for nobody
     if failures:
         raise InputError("\n".join(sorted(failures)))
 
 
-def _try(spec: str, ruleset: Ruleset, home: Path, limits: Limits, patience_s: float) -> str:
-    """Return why a fighter cannot start, or nothing."""
+def _try(spec: str, ruleset: Ruleset, home: Path, limits: Limits, patience_s: float, is_over: Event) -> str:
+    """Return why a fighter cannot start, or nothing; nothing is worth waiting for once `is_over`."""
+    if is_over.is_set():
+        return ""
     rules = [ruleset.name, json.dumps(to_dict(ruleset))]
     command = [sys.executable, "-P", "-m", "tournaments.rehearsal", spec, *rules, *(["limited"] if limits != NO_LIMITS else [])]
     with tempfile.TemporaryFile() as log:
         confined = Confined(command, limits, home, log)
+        code, give_up_at_s = None, time.monotonic() + patience_s
         try:
-            code = confined.process.wait(patience_s)
-        except TimeoutExpired:
-            code = None
+            while code is None and not is_over.is_set() and time.monotonic() < give_up_at_s:
+                with suppress(TimeoutExpired):
+                    code = confined.process.wait(_POLL_S)
         finally:
             confined.end(0)
         log.seek(0)

@@ -19,6 +19,8 @@ from tournaments.store import StoredLeague
 
 FORMAT = 1
 """Of the JSON document; rises whenever a key changes its meaning."""
+LATENCY_NOTE = "p50 is the median over matches, p99 that of the worst; of a match, since its referee was last started"
+"""What the columns of answer times are of."""
 MOST_TOLD = 5
 """Residuals, and cycles, that a reader is told of; the document holds all."""
 
@@ -248,6 +250,8 @@ def summary(report: Report) -> list[str]:
             f"drawn {side.draws:,} ({side.draws / standings.n_matches:.1%}); "
             f"two of equal strength would draw {standings.draw_rate:.1%} of their matches"
         )
+    if any(row.latency for row in standings.rows):
+        lines.append(LATENCY_NOTE)
     lines += [f"test: {sentence}" for sentence in verdict_lines(report)]
     lines += [f"warning: {sentence}" for sentence in warnings(report)]
     if not report.is_complete:

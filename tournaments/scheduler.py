@@ -1,6 +1,7 @@
 """Run a league: play what is not stored yet, and store each match as it ends. Stopped at any moment, it goes on from there."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,7 @@ from arena.referee.local import MatchPlan
 from tournaments.duel import judge, next_batch
 from tournaments.edits import find_edit
 from tournaments.league import League
+from tournaments.lock import lock_file
 from tournaments.outcome import Outcome
 from tournaments.recovery import set_aside
 from tournaments.schedule import plan_league
@@ -52,24 +54,24 @@ class Folders:
 
 
 class Scheduler:
-    """A league that is being run; holds its lock from `with` to the end."""
+    """A league that is being run; holds its locks from `with` to the end."""
 
     def __init__(self, league: League, store: Store, folders: Folders) -> None:
         self._league, self._store, self._folders = league, store, folders
-        self._lock = store.lock(league.name)
+        self._locks = ExitStack()
 
     def __enter__(self) -> "Scheduler":
-        """Take the lock, enter the league into the store, and plan what is left."""
-        self._lock.__enter__()
-        try:
+        """Take the locks, enter the league into the store, and plan what is left."""
+        with self._locks as locks:
+            locks.enter_context(self._store.lock(self._league.name))
+            # A scheduler with another store would write the same journals.
+            locks.enter_context(lock_file(self._folders.journals(self._league.name).with_suffix(".lock"), self._league.name))
             self._enter()
-        except BaseException:
-            self._lock.__exit__(None, None, None)
-            raise
+            self._locks = locks.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._lock.__exit__(None, None, None)
+        self._locks.close()
 
     def _enter(self) -> None:
         league, store = self._league, self._store

@@ -24,8 +24,8 @@ class Leagues:
     def __init__(self, data: Path, db: str) -> None:
         self._folders = Folders(data=data)
         self._db = db or str(data / "arena.db")
-        self._reports: dict[str, tuple[int, dict[str, Any]]] = {}
-        """By league: how many results it had, and what was reported of them."""
+        self._reports: dict[str, tuple[tuple[str, int, int], dict[str, Any]]] = {}
+        """By league: its hash, its pairs and how many results it had, and what was reported of them."""
 
     def names(self) -> list[str]:
         """Return the names of all leagues, the one that was run last first; none if there is no store."""
@@ -39,8 +39,9 @@ class Leagues:
         """Return the facts of a league's report, and under `results` its matches, pair by pair."""
         with self._open() as store:
             league = store.get(name)
-            n_before, facts = self._reports.get(name, (-1, {}))
-            if n_before == store.count(league):
+            state = league.hash, league.n_pairs, store.count(league)
+            before, facts = self._reports.get(name, (("", 0, 0), {}))
+            if before == state:
                 return facts
             outcomes = store.outcomes(league)
         report = make_report(league, outcomes, n_draws=_N_DRAWS)
@@ -56,17 +57,21 @@ class Leagues:
             }
             for one in outcomes
         ]
-        self._reports[name] = len(outcomes), facts
+        self._reports[name] = (*state[:2], len(outcomes)), facts
         return facts
 
     def journal(self, name: str, identity: str) -> bytes:
-        """Return the journal of a match, once all matches of its two entries are over: another may be on its map."""
+        """Return the journal of a match, once all matches of its two entries are over: another may be on its map.
+
+        A test that is decided needs no more of them, but the pair of the match must be whole.
+        """
         with self._open() as store:
             league = store.get(name)
             played = store.identities(league)
         if identity not in played:
             raise ArenaError(f"league {name} has no match {identity} that is over")
-        if not _is_fixture_over(league, identity, played) and not self.report(name)["matches"]["complete"]:
+        is_decided = _is_pair_over(identity, played) and self.report(name)["matches"]["complete"]
+        if not is_decided and not _is_fixture_over(league, identity, played):
             raise ArenaError("the journal is not to be seen until the last match of these two is over")
         path = self._folders.journals(name) / journal_name(identity)
         try:
@@ -78,6 +83,10 @@ class Leagues:
 
     def _open(self) -> Store:
         return Store(self._db, make=False)
+
+
+def _is_pair_over(identity: str, played: set[str]) -> bool:
+    return sum(pair_of(one) == pair_of(identity) for one in played) == 2
 
 
 def _is_fixture_over(league: StoredLeague, identity: str, played: set[str]) -> bool:

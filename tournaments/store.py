@@ -5,7 +5,6 @@ that reports can be read while a league runs; or PostgreSQL, which may be killed
 reaches the system at once: a killed process loses nothing.
 """
 
-import fcntl
 import json
 import logging
 import os
@@ -21,9 +20,10 @@ from sqlalchemy import Connection, Engine, func, select, text
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DatabaseError
 
-from arena.errors import ArenaError, UnknownNameError
+from arena.errors import UnknownNameError
 from arena.game.types import Ending, Team
 from tournaments.edits import find_edit, hash_facts
+from tournaments.lock import TakenError, lock_file
 from tournaments.migrations.upgrade import upgrade
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.schema import LEAGUES, MATCHES, StoreError, explain, is_lost, number, reach
@@ -34,14 +34,6 @@ PATIENCE_S = 30.0
 """How long a server may be away in the middle of a league."""
 T = TypeVar("T")
 logger = logging.getLogger(__name__)
-
-
-class TakenError(ArenaError):
-    """Another scheduler runs the league."""
-
-    def __init__(self, league: str, holds: str) -> None:
-        super().__init__(f"another scheduler runs league {league} (it holds {holds})")
-        self.league = league
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +114,11 @@ class Store:
             Another scheduler runs the league.
         """
         if self._engine.dialect.name != "postgresql":
-            with _lock_file(self._where, league):
+            if self._where == ":memory:":  # where nobody else can come
+                yield
+                return
+            file = os.path.realpath(self._where.removeprefix("file:").partition("?")[0])
+            with lock_file(Path(f"{file}.{league}.lock"), league):
                 yield
             return
         session = _LockedSession(self._engine, self._where, league)
@@ -237,27 +233,6 @@ class Store:
         """Return how many results a league has."""
         query = select(func.count()).where(MATCHES.c.league_id == league.id)
         return self._do("read", lambda connection: int(connection.scalar(query) or 0))
-
-
-@contextmanager
-def _lock_file(where: str, league: str) -> Iterator[None]:
-    """Hold a league's lock file, beside the file of its store; in memory, nobody else can come."""
-    if where == ":memory:":
-        yield
-        return
-    path = Path(f"{os.path.realpath(where.removeprefix('file:').partition('?')[0])}.{league}.lock")
-    try:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
-    except OSError as error:
-        raise StoreError(f"cannot lock the league with {path}: {error.strerror}") from error
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise TakenError(league, str(path)) from error
-        yield
-    finally:
-        os.close(descriptor)
 
 
 class _LockedSession:

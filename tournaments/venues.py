@@ -4,6 +4,7 @@
 every entry a process of its own, Zenoh on loopback between them.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -115,7 +116,7 @@ def play_network(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outco
     Raises
     ------
     ArenaError
-        A process died again and again; its log says why.
+        The referee died again and again, or a client that played no match; a log says why.
     """
     left = {plan.identity: plan for plan in plans}
     for outcome in find_ended(setting.journals, setting.ruleset, plans):
@@ -147,9 +148,9 @@ def play_network(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outco
                     yield outcome
             if is_gone and left:
                 referee.start(list(left.values()))
+            n_left = Counter(name for plan in left.values() for name in (plan.blue, plan.red))
             for client in clients:
-                if any(client.name in (plan.blue, plan.red) for plan in left.values()):
-                    client.keep_alive()
+                client.keep_alive(n_left[client.name])
 
 
 VENUES = {"local": play_local, "network": play_network, "ray": play_ray}

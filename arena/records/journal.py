@@ -295,13 +295,19 @@ def journal_name(identity: str) -> str:
 
 
 def save_journal(folder: str, identity: str, data: bytes) -> None:
-    """Write a whole journal, readable by its owner alone. One that was cut short is found so on reading."""
-    descriptor = os.open(f"{folder}/{journal_name(identity)}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    """Write a whole journal, readable by its owner alone; whoever looks for it finds it whole, or not at all."""
+    path = f"{folder}/{journal_name(identity)}"
+    draft = f"{path.removesuffix('.journal')}.draft"
+    descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     try:
         if os.write(descriptor, data) != len(data):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    except OSError:
+        Path(draft).unlink()
+        raise
     finally:
         os.close(descriptor)
+    Path(draft).rename(path)
 
 
 def load_journal(path: Path) -> Journal:

@@ -34,6 +34,10 @@ _TEAMS = ("#1f6fd6", "#e07b1a")
 _DARK = ("#0b2c58", "#6b3200")
 _HIT = "#c2185b"
 """Of fights; neither team's, and darker than both grounds."""
+_LEGEND = ("round: blue", "square: red", "hollow: flies", "pennant: flag", "black: obstacle", "grey: not seen")
+_MARKS = ("crimson frame: fought", "cross: fell", "black frame: captured")
+"""Of the legend, where things are marked."""
+_FADED = "faded: remembered"
 _MEMORY = 0.45
 """How far a cell that is only remembered fades towards the colour of the hidden."""
 
@@ -150,9 +154,10 @@ def draw(scene: Scene, cell: int) -> Image.Image:
     side = len(scene.boards[0][1])
     board, gap, line = side * cell, cell, max(cell, 12)
     top = gap + 3 * line
-    image = Image.new("RGB", (2 * board + 3 * gap, top + board + gap), _PAPER)
+    font, small = (ImageFont.load_default(size=line * share) for share in (0.8, 0.7))
+    legend = _wrap((*_LEGEND, _FADED) if scene.faded is not None else (*_LEGEND, *_MARKS), small, 2 * board + gap)
+    image = Image.new("RGB", (2 * board + 3 * gap, top + board + gap + len(legend) * line), _PAPER)
     pen = ImageDraw.Draw(image)
-    font = ImageFont.load_default(size=line * 0.8)
     pen.text((gap, gap * 0.6), scene.title, fill=_INK, font=font)
     pen.text((gap, gap * 0.6 + line), scene.facts, fill=_INK, font=font)
     for number, (label, grid) in enumerate(scene.boards):
@@ -161,7 +166,21 @@ def draw(scene: Scene, cell: int) -> Image.Image:
         _draw_board(pen, grid, scene.faded if number else None, at, top, cell)
         if number:
             _draw_marks(pen, scene, at, top, cell)
+    for number, words in enumerate(legend):
+        pen.text((gap, top + board + gap * 0.3 + number * line), words, fill=_FAINT, font=small)
     return image
+
+
+def _wrap(parts: Sequence[str], font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: int) -> list[str]:
+    """Return the parts of a legend in as many lines as they need."""
+    lines: list[str] = []
+    for part in parts:
+        longer = f"{lines[-1]}   {part}" if lines else part
+        if lines and font.getlength(longer) <= width:
+            lines[-1] = longer
+        else:
+            lines.append(part)
+    return lines
 
 
 def _draw_board(pen: ImageDraw.ImageDraw, grid: Grid, faded: NDArray[np.bool_] | None, left: int, top: int, cell: int) -> None:

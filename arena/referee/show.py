@@ -22,7 +22,8 @@ from arena.view import Memory, draw_row, is_live, tell_end, tell_losses, tell_or
 def show_journal(console: Console, file: Path, team: str, tick: int | None, speed: float) -> None:
     """Show a team's view of every tick beside the truth, or of one."""
     journal = load_journal(file)
-    frames = (_frame(journal, games, Team[team.upper()], console.width) for games in replay(journal))
+    height = console.height if is_live(console) and tick is None else None
+    frames = (_frame(journal, games, Team[team.upper()], console.width, height) for games in replay(journal))
     _play(console, frames, len(journal.ticks), tick, speed)
     if journal.ending is not None and tick is None:
         winner = "a draw" if journal.ending.winner is None else f"{journal.ending.winner.name.lower()} wins"
@@ -45,7 +46,8 @@ def show_transcript(console: Console, file: Path, tick: int | None, speed: float
         )
         orders = f"orders: {tell_orders(now, transcript.ticks[number][1])}"
         if is_live(console):  # a line each, beside boards that fill the height of a small screen
-            return memory.draw_pair(_plain(title), now, console.width, orders.replace(", ", "\n").replace(": ", "\n"))
+            aside, height = orders.replace(", ", "\n").replace(": ", "\n"), console.height if tick is None else None
+            return memory.draw_pair(_plain(title), now, console.width, aside, height=height)
         return memory.draw_pair(_plain(f"{title}\n{orders}"), now, console.width)
 
     _play(console, map(draw, range(len(seen))), len(seen) - 1, tick, speed)
@@ -85,7 +87,7 @@ def _play(console: Console, frames: Iterator[RenderableType], last: int, tick: i
                 time.sleep(1 / speed)
 
 
-def _frame(journal: Journal, games: Games, team: Team, width: int) -> RenderableType:
+def _frame(journal: Journal, games: Games, team: Team, width: int, height: int | None) -> RenderableType:
     fact = games.state.fact[0]
     header = journal.header
     title = (
@@ -93,4 +95,4 @@ def _frame(journal: Journal, games: Games, team: Team, width: int) -> Renderable
         f"score {fact[Fact.SCORE]:+d}   units {fact[Fact.BLUE_LIVING]}:{fact[Fact.RED_LIVING]}"
     )
     boards = [(f"what {team.name.lower()} sees", games.grids()[team, 0]), ("the truth", games.truth(0))]
-    return draw_row(_plain(title), boards, width)
+    return draw_row(_plain(title), boards, width, height=height)

@@ -70,7 +70,7 @@ class Pit(App[None]):
     #help { height: auto; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [
-        *(Binding(str(number), f"choose({number - 1})", show=False) for number in range(1, 10)),
+        *(Binding(str(number), f"choose({number})", show=False) for number in range(10)),
         *(Binding(keys, f"head({int(action)})", show=False) for keys, action in _DIRECTIONS.items()),
         Binding("tab", "next(1)", show=False, priority=True),
         Binding("shift+tab", "next(-1)", show=False, priority=True),
@@ -155,8 +155,8 @@ class Pit(App[None]):
         self._command(lambda commander: commander.point(message.row, message.column), "no way is known to that cell")
 
     def action_choose(self, index: int) -> None:
-        """Choose a unit by its number."""
-        self._command(lambda commander: commander.select(index), f"you have no living unit {index + 1}")
+        """Choose a unit by its number: its index, as bots and replays count, from 0."""
+        self._command(lambda commander: commander.select(index), f"you have no living unit {index}")
 
     def action_next(self, step: int) -> None:
         """Choose the next unit, or the one before."""

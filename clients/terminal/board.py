@@ -80,5 +80,5 @@ ARROWS = {Action.STAY: "\u00b7", Action.NORTH: "\u2191", Action.EAST: "\u2192", 
 
 def _number(unit: UnitPicture, is_wide: bool) -> str:
     """Return the number of a unit, and in a wide cell whether it flies."""
-    number = str(unit.index + 1)
+    number = str(unit.index)
     return f"{number}{'^' if unit.flies else ' '}" if is_wide and len(number) == 1 else number

@@ -12,7 +12,7 @@ from clients.picture import Picture, UnitPicture
 from clients.terminal.board import ARROWS
 
 HELP = (
-    "1-9 Tab click: a unit  arrows WASD: direct it  click: go there  space: stay\n"
+    "0-9 Tab click: a unit  arrows WASD: direct it  click: go there  space: stay\n"
     "Enter: end turn  x: take the order back  p: autopilot  m: memory  q: leave"
 )
 """Stands on the screen always: a newcomer reads nothing else."""
@@ -52,7 +52,7 @@ def tell_units(picture: Picture, autopilot: str) -> Text:
 
 
 def _tell_unit(unit: UnitPicture, autopilot: str) -> str:
-    name = f"{unit.index + 1} {unit.type}"
+    name = f"{unit.index} {unit.type}"
     if not unit.alive:
         return f"{name:7} fallen"
     order = autopilot if unit.is_autopilot else unit.order
@@ -64,7 +64,7 @@ def tell_options(picture: Picture) -> Text:
     if picture.selected < 0:
         return Text("none of your units lives")
     unit = picture.units[picture.selected]
-    text = Text(f"unit {unit.index + 1} ({unit.type}) sees {unit.sight} cells{_tell_attack(unit)} and may go\n")
+    text = Text(f"unit {unit.index} ({unit.type}) sees {unit.sight} cells{_tell_attack(unit)} and may go\n")
     for option in picture.options:
         if option.action is Action.STAY:
             continue

@@ -1,6 +1,7 @@
-"""One keeps the own flag, the others close the lanes of the own half: at least two hunt whoever comes over the border.
+"""One keeps the own flag, and the others wait there too until somebody is seen to come over the border: then at least two hunt.
 
-Ahead, it rushes with two where nobody raids. From half time on, unless ahead, it attacks with all but the keeper.
+Ahead, it rushes with two where nobody raids. From half time on, unless ahead, it attacks with all but the keeper, and with the
+keeper too where nobody raids.
 """
 
 from typing import Any

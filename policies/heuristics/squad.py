@@ -1,6 +1,7 @@
-"""Two pairs, each never more than two cells apart: the one nearer to the own flag guards it, the other attacks.
+"""Two pairs whose units keep within two cells of each other where ground and enemies let them; one guards, the other attacks.
 
-They fight only at good odds and come at a lone defender from two sides. Where nobody raids, both pairs attack.
+They take a fight only where what they expect to lose is worth less than what they expect to win. Where nobody raids, both pairs
+attack; ahead, both go home.
 """
 
 from typing import Any

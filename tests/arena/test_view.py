@@ -114,3 +114,14 @@ def test_without_colours_there_are_letters(term: str, no_color: str, live: bool,
     assert is_live(console) is live
     assert ("[38;" in capture.get() or ";38;" in capture.get()) is coloured
     assert "U" in capture.get()
+
+
+def test_a_screen_that_is_too_small_for_two_boards_says_what_is_missing() -> None:
+    grid = np.full((20, 20), Code.HIDDEN, np.int8)
+    boards = [("what blue sees", grid), ("the truth", grid)]
+
+    lines = printed(draw_row("a title", boards, 40, height=24), 40)
+
+    assert (len(lines), lines[0], lines[1], lines[-1]) == (23, "a title", "what blue sees", "the truth: from 43 columns on")
+    assert len(printed(draw_row("a title", boards, 40, height=43), 40)) == 43
+    assert len(printed(draw_row("a title", boards, 43, height=24), 43)) == 22

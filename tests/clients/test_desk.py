@@ -131,6 +131,24 @@ def test_a_turn_that_is_told_again_after_the_pit_was_lost_keeps_what_was_said(ta
     assert [unit.is_fresh for unit in picture.units].count(True) == 1
 
 
+def test_a_turn_whose_time_was_over_while_the_pit_was_away_begins_anew(table: Table) -> None:
+    assert table.thinks(TURNS[0])
+    head_west(table)
+    n_changes = table.n_changes
+    table.desk.wait("for the pit to come back")
+    assert (table.desk.waits, table.n_changes) == ("for the pit to come back", n_changes + 1)
+    table.now_s += 1_000.0
+
+    assert table.thinks(replace(TURNS[0]))
+
+    picture = table.desk.picture()
+    assert picture is not None
+    assert (picture.time_left_s, table.desk.waits, table.n_changes) == (40.0 - MARGIN_S, "", n_changes + 2)
+    assert [unit.is_fresh for unit in picture.units].count(True) == 1
+    table.now_s += 40.0
+    assert not table.thinks(TURNS[0])
+
+
 def test_without_a_clock_a_turn_lasts(table: Table) -> None:
     free = Table(ticket=replace(TICKET, turn_time_s=None))
     assert free.thinks(TURNS[0])

@@ -117,14 +117,14 @@ def units(desk: Desk) -> list[Any]:
 
 def test_units_are_chosen_by_number_and_sent_by_arrows_and_letters() -> None:
     async def play(pilot: "Pilot[None]", app: Pit, desk: Desk) -> None:
-        await pilot.press("1", "right", "2", "d", "3", "down")
+        await pilot.press("0", "right", "1", "d", "2", "down")
         await until(pilot, lambda: desk.commander is not None and desk.commander.tick == 1)  # the last order ended the turn
         assert [unit.cell for unit in units(desk)] == [(0, 5), (1, 1), (7, 0)]
         assert [unit.action for unit in units(desk)] == [Action.EAST, Action.EAST, Action.SOUTH]
-        await pilot.press("2", "x", "enter")
+        await pilot.press("1", "x", "enter")
         await until(pilot, lambda: desk.commander is not None and desk.commander.tick == 2)
         assert [unit.cell for unit in units(desk)] == [(0, 6), (1, 1), (7, 0)]
-        await pilot.press("1", "space", "tab", "s")
+        await pilot.press("0", "space", "tab", "s")
         assert [unit.action for unit in units(desk)] == [Action.STAY, Action.STAY, Action.SOUTH]
         assert "it may not go south" in text_of(app, "news")
 
@@ -148,16 +148,16 @@ def test_a_click_chooses_a_unit_and_sends_it_to_the_cell(size: tuple[int, int], 
 
 def test_the_screen_says_what_to_do_what_a_unit_may_do_and_what_time_is_left() -> None:
     async def play(pilot: "Pilot[None]", app: Pit, desk: Desk) -> None:
-        await pilot.press("2")
+        await pilot.press("1")
         assert "You are red against patrol. Find their flag F" in text_of(app, "goal").replace("\n", " ")
         assert "your turn, no clock" in text_of(app, "turn")
         options = text_of(app, "options")
-        assert "unit 2 (ugv) sees 3 cells, fights within 2" in options
+        assert "unit 1 (ugv) sees 3 cells, fights within 2" in options
         assert "south an obstacle" not in options
         assert "west  the board ends" in options
         assert "east  to 1,1" in options
         help_lines = text_of(app, "help")
-        for key in ("1-9", "Tab", "arrows", "WASD", "click", "space", "Enter", "x:", "p:", "m:", "q:"):
+        for key in ("0-9", "Tab", "arrows", "WASD", "click", "space", "Enter", "x:", "p:", "m:", "q:"):
             assert key in help_lines
 
     on_screen(play)

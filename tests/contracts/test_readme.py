@@ -1,5 +1,6 @@
-"""The README keeps its word."""
+"""The README and its docs keep their word."""
 
+import ast
 import re
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -12,6 +13,7 @@ from arena.observation import Observation, OwnUnit
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+LAYOUT = (ROOT / "docs" / "layout.md").read_text(encoding="utf-8")
 
 
 def see(*, flag: tuple[int, int] | None) -> Observation:
@@ -40,13 +42,21 @@ def test_its_bot_walks_to_the_flag_that_it_sees_and_wanders_otherwise() -> None:
     assert all(0 <= action <= 4 for action in act(see(flag=None)))
 
 
-def test_it_names_every_module_and_no_other() -> None:
+def test_every_module_stands_in_the_layout_with_its_own_first_line() -> None:
     packages = ("arena", "clients", "policies", "tournaments")
-    modules = {str(path.relative_to(ROOT)) for package in packages for path in (ROOT / package).rglob("*.py")}
+    modules = [path for package in packages for path in (ROOT / package).rglob("*.py") if path.name != "__init__.py"]
+    lines = {str(path.relative_to(ROOT)): first_line(path) for path in modules}
 
-    assert set(re.findall(r"^\| `([^`*]+\.py)` \|", README, re.MULTILINE)) == {
-        m for m in modules if not m.endswith("__init__.py")
-    }
+    assert dict(re.findall(r"^\| `([^`*]+\.py)` \| (.*) \|$", LAYOUT, re.MULTILINE)) == lines
+
+
+def first_line(path: Path) -> str:
+    return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")[0]
+
+
+@pytest.mark.parametrize("path", sorted(set(re.findall(r"`(docs/[a-z-]+\.md)`", README))))
+def test_a_page_that_it_names_exists(path: str) -> None:
+    assert (ROOT / path).is_file()
 
 
 @pytest.mark.parametrize("command", sorted(set(re.findall(r"^\| `arena ([a-z-]+)", README, re.MULTILINE))))

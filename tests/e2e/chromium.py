@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-PATIENCE_MS = 30_000
+PATIENCE_MS = 60_000
+REFUSED = "net::ERR_CONNECTION_REFUSED"
 WIDTHS = (390, 1440)
 
 
@@ -41,21 +42,24 @@ def browser() -> Iterator["Browser"]:
 def visit(browser: "Browser") -> Iterator[Callable[..., "Page"]]:
     """Open pages, each in a browser profile of its own; at the end, nothing may have gone wrong on any of them.
 
-    Nothing may have been written into the console, and nothing asked of another host.
+    Nothing may have been written into the console, and nothing asked of another host. A page may be told that its server is going
+    to be away for a while: then the browser notes that it was refused, and that is well.
     """
     wrongs: list[str] = []
     hosts: set[str] = set()
     visited: set[str] = set()
     with ExitStack() as open_pages:
 
-        def opened(url: str, *, width: int = 1440, scheme: Any = "light", script: str = "") -> "Page":
+        def opened(
+            url: str, *, width: int = 1440, scheme: Any = "light", script: str = "", is_server_away: bool = False
+        ) -> "Page":
             context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
             open_pages.callback(context.close)
             page = context.new_page()
             page.set_default_timeout(PATIENCE_MS)
             if script:
                 page.add_init_script(script)
-            page.on("console", lambda message: wrongs.append(message.text))
+            page.on("console", lambda message: (is_server_away and REFUSED in message.text) or wrongs.append(message.text))
             page.on("pageerror", lambda error: wrongs.append(str(error)))
             page.on("request", lambda request: hosts.add(urlsplit(request.url).netloc))
             page.on("websocket", lambda socket: hosts.add(urlsplit(socket.url).netloc))

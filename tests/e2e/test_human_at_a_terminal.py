@@ -107,7 +107,7 @@ def test_a_key_changes_what_the_pit_is_sent(
     join("--team", "blue", "--policy", "patrol")
     screen = terminal("join", f"arena://127.0.0.1:{port}/pit", "--team", "red", "--policy", "human", "--name", "me")
     screen.wait_for("s left")
-    screen.press("5w\r")
+    screen.press("4w\r")
     screen.wait_for("tick 1 of 2")
     screen.press("\r")
     screen.wait_for("Press Enter to go on")

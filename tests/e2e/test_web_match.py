@@ -24,6 +24,11 @@ __all__ = ["browser", "visit"]
 Start = Callable[..., Any]
 SIDE = 10
 N_TICKS = 40
+N_LONG = 400
+"""More than are played while a web server is killed and started again."""
+SIZES = "[...document.querySelectorAll('canvas')].map(it => [[it.width, it.height], it.clientWidth, it.clientHeight])"
+MOST_OF_WIDTH = 0.55
+"""That a board takes of a telephone's width, and of a desk screen's height."""
 BOT = """
 import threading
 from pathlib import Path
@@ -171,6 +176,9 @@ def test_every_page_fits_a_telephone_and_a_desk_by_day_and_by_night(played: tupl
             page.locator(".state").wait_for()
             page.wait_for_load_state("networkidle")
             assert page.evaluate("document.documentElement.scrollWidth") == width
+            for pixels, wide, high in page.evaluate(SIZES):
+                assert pixels == [wide, wide] == [high, high]
+                assert wide >= MOST_OF_WIDTH * min(width, page.viewport_size["height"])
 
 
 def test_a_match_that_nobody_knows_is_said_and_the_lobby_offered(web: Start, visit: Start) -> None:
@@ -200,6 +208,33 @@ def test_a_page_says_that_the_pit_is_away_and_finds_it_again(
     says(page, "is open")
     web.send(signal.SIGTERM)
     assert web.finish() in (0, -signal.SIGTERM)
+
+
+def test_a_page_that_watches_a_match_outlives_its_web_server(
+    serve: Start, start: Start, join: Start, visit: Start, port: int, tmp_path: Path
+) -> None:
+    bot, go = tmp_path / "slow.py", tmp_path / "go"
+    bot.write_text(BOT.format(go=str(go)))
+    serve(*RULES[:-1], f"tick_limit={N_LONG}")
+    key = to_text(load_or_make_secret(tmp_path / "keys" / "spectator.key"))
+    players = [join("--team", team, "--policy", bot, "--name", name) for team, name in (("blue", "ann"), ("red", "bob"))]
+    match = players[0].wait_for("begun").said.partition("match ")[2].partition(":")[0]
+    page_port = free_port()
+    web = ("web", "--pit", f"arena://127.0.0.1:{port}/pit", "--port", page_port, "--data", tmp_path / "web")
+    first = start(*web).wait_for("web page at ")
+    page = visit(f"http://127.0.0.1:{page_port}/match/{match}#key={key}", is_server_away=True)
+    says(page, "this page sees it with the spectator key")
+
+    first.kill()
+    says(page, "The web server is gone; looking for it...")
+    assert page.locator("canvas").count() == 2
+    start(*web).wait_for("web page at ")
+    says(page, "this page sees it with the spectator key")
+    go.touch()
+
+    says(page, f"after {N_LONG} ticks")
+    says(page, "Every tick was played again and holds.")
+    assert [player.finish() for player in players] == [0, 0]
 
 
 def test_the_page_ends_with_its_pit_however_that_ends(web: Start, visit: Start) -> None:

@@ -1,5 +1,6 @@
 """A person plays in the browser: a whole match by clicks and keys, a page that is lost and comes back, two people at once."""
 
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,7 @@ from arena.records.transcript import load_transcript
 from arena.transport import free_port
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Page, WebSocketRoute
 
 __all__ = ["browser", "visit"]
 
@@ -32,10 +33,17 @@ U . . . . . . f
 
 
 @pytest.fixture
-def home(serve: Start, tmp_path: Path) -> str:
-    """Open a pit on an empty board, where blue walks straight to the flag, and return where its page is."""
-    rules, page_port = tmp_path / "open.toml", free_port()
-    rules.write_text(f"base = 'paper'\nboard = '''{BOARD}'''\n[units.ugv]\nattack = 0\n")
+def rules(tmp_path: Path) -> Path:
+    """Write the rules of an empty board, where blue walks straight to the flag."""
+    path = tmp_path / "open.toml"
+    path.write_text(f"base = 'paper'\nboard = '''{BOARD}'''\n[units.ugv]\nattack = 0\n")
+    return path
+
+
+@pytest.fixture
+def home(serve: Start, rules: Path) -> str:
+    """Open a pit with its page, and return where that is."""
+    page_port = free_port()
     serve("--web", page_port, "--turn-time", 60, "--rules", rules).wait_for("web page at ")
     return f"http://127.0.0.1:{page_port}"
 
@@ -121,6 +129,66 @@ def test_two_browsers_play_each_other(home: str, visit: Start, tmp_path: Path) -
 
     says(blue, "You win by capture after 7 ticks")
     says(red, "You lose by capture after 7 ticks")
+
+
+def test_a_page_whose_connection_is_cut_says_so_and_goes_on_by_itself(home: str, visit: Start) -> None:
+    page = visit(f"{home}/")
+    sockets: list[WebSocketRoute] = []
+
+    def pass_on(socket: "WebSocketRoute") -> None:
+        sockets.append(socket)
+        socket.connect_to_server()
+
+    page.route_web_socket("**/ws/play", pass_on)
+    page.goto(f"{home}/play")
+    sit_down(page, "eve", "blue", "patrol")
+    says(page, "Your turn")
+    page.keyboard.press("d")
+    wait_for_tick(page, 1)
+
+    sockets[0].close()
+    says(page, "The connection is lost; your seat waits. Connecting again...")
+    says(page, "Your turn")
+    page.keyboard.press("Enter")
+
+    wait_for_tick(page, 2)
+    assert page.locator(".units button").all_text_contents() == ["UGV at 3, 2: east"]
+    assert len(sockets) == 2
+
+
+def test_a_person_plays_on_when_the_pit_was_killed_and_started_again(
+    serve: Start, start: Start, visit: Start, rules: Path, port: int, tmp_path: Path
+) -> None:
+    options = ("--turn-time", 60, "--rules", rules)
+    pit = serve(*options)
+    web = start("web", "--pit", f"arena://127.0.0.1:{port}/pit", "--port", 0, "--data", tmp_path / "web")
+    home = web.wait_for("web page at ").said.partition("web page at ")[2].split("/\n")[0]
+    page = visit(f"{home}/play")
+    sit_down(page, "eve", "blue", "patrol")
+    says(page, "Your turn")
+    page.keyboard.press("d")
+    wait_for_tick(page, 1)
+
+    pit.send(signal.SIGKILL)
+    says(page, "You wait for the pit to come back; your seat is kept.")
+    pit.finish()
+    page.keyboard.press("s")  # while nobody hears it; it counts when the pit is back
+    serve(*options)
+
+    wait_for_tick(page, 2)
+    says(page, "Your turn")
+    assert page.locator(".units button").all_text_contents() == ["UGV at 4, 1: south"]
+    click_cell(page, 3, 7)
+    is_over = page.get_by_role("button", name="Play again")
+    for tick in range(3, 20):
+        page.locator(".score", has_text=f"tick {tick} of 100").or_(is_over).first.wait_for()
+        if is_over.is_visible():
+            break
+        page.keyboard.press("Enter")
+    says(page, "Checked: the journal is of this match")
+    (journal,) = map(load_journal, (tmp_path / "journals").glob("*.journal"))
+    assert [tick.orders[0] for tick in journal.ticks[:2]] == [Action.EAST, Action.SOUTH]
+    assert not any(mark for tick in journal.ticks for mark in tick.marks)
 
 
 def test_a_name_that_is_none_is_refused_in_a_sentence(home: str, visit: Start) -> None:

@@ -248,7 +248,7 @@ def test_the_document_holds_what_it_promises(tmp_path: Path) -> None:
 def test_the_text_names_every_entry(tmp_path: Path) -> None:
     said = to_text(run(tmp_path, pretend))
 
-    assert all(name in said for name in ("rush", "patrol", "random", "late", "p99 ms", "12 matches"))
+    assert all(name in said for name in ("rush", "patrol", "random", "late", "p99 ms", "since its referee", "12 matches"))
 
 
 class Reader(HTMLParser):

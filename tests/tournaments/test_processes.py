@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from family import PATIENCE_S, LeagueProcess, kill, wait_for_the_end_of
 
+import tournaments.processes as tournament_processes
 from arena.errors import ArenaError
 from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load
@@ -144,13 +145,37 @@ def test_a_client_that_stays_away_forfeits_and_it_is_recorded_whose_and_why(tmp_
     assert first.seats[team_of(first, "fatal")].faults == {"vanished": 1}
 
 
-def test_a_client_that_dies_again_and_again_ends_the_league_in_one_sentence_that_names_its_log(tmp_path: Path) -> None:
-    setting = make_setting(tmp_path, one="rush", fatal=FATAL)
+def test_a_client_that_lives_through_no_match_forfeits_them_all_and_the_league_ends(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    bots = make_setting(tmp_path, one="rush", two="patrol", fatal=FATAL)
+    setting = replace(bots, terms=Terms(turn_time_s=None, grace_s=2.0))
+    plans = [match for one, other in (("one", "fatal"), ("one", "two")) for match in plan(one, other, 2)]
 
-    with pytest.raises(ArenaError, match=rf"the client of fatal died {MOST_DEATHS + 1} times in a row; .*/fatal.log says why$"):
-        list(play_network(setting, plan("one", "fatal")))
+    played = {outcome.identity: outcome for outcome in play_network(setting, plans)}
 
+    assert set(played) == {match.identity for match in plans}
+    for outcome in played.values():
+        if "fatal" in (outcome.blue, outcome.red):
+            assert (outcome.ending, outcome.winner) == (Ending.FORFEIT, team_of(outcome, "one"))
+            assert outcome.seats[team_of(outcome, "fatal")].faults["vanished"] >= 1
+        else:
+            assert outcome.ending is not Ending.FORFEIT
+    warnings = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert f"the client of fatal died {MOST_DEATHS + 1} times in a row; {setting.journals / 'fatal.log'} says why" in warnings[0]
     assert (setting.journals / "fatal.log").is_file()
+
+
+def test_a_client_that_never_sits_down_ends_the_league_in_one_sentence_that_names_its_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    setting = replace(make_setting(tmp_path, one="rush", two="no-such-fighter"), terms=Terms(turn_time_s=None, grace_s=0.1))
+    monkeypatch.setattr(tournament_processes, "_PATIENCE_S", 1)
+
+    with pytest.raises(ArenaError, match=rf"the client of two died {MOST_DEATHS + 1} times in a row; .*/two.log says why$"):
+        list(play_network(setting, plan("one", "two")))
+
+    assert "no-such-fighter" in (setting.journals / "two.log").read_text()
 
 
 def test_a_referee_that_dies_again_and_again_ends_the_league_in_one_sentence_that_names_its_log(tmp_path: Path) -> None:

@@ -1,17 +1,21 @@
 """Who cannot start is named before a league begins: all at once, a sentence each, and nothing is stored."""
 
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from family import PATIENCE_S
 
 from arena.errors import InputError
 from arena.game.ruleset import load
 from tournaments import rehearsal
 from tournaments.confine import Limits
 from tournaments.rehearsal import rehearse
+from tournaments.store import Store
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
 PAPER = load("paper")
@@ -76,6 +80,32 @@ def test_what_does_not_get_ready_is_not_waited_for_and_ended(tmp_path: Path) -> 
         rehearse(entries, PAPER, tmp_path / "homes", patience_s=5)
 
 
+INTERRUPTED = """
+import sys
+from pathlib import Path
+from arena.game.ruleset import load
+from tournaments.rehearsal import rehearse
+rehearse({Path(path).stem: path for path in sys.argv[2:]}, load("paper"), Path(sys.argv[1]), patience_s=1e6)
+"""
+
+
+def test_who_interrupts_it_waits_for_nobody(tmp_path: Path) -> None:
+    sleeps = "import pathlib, time\npathlib.Path('here').touch()\ntime.sleep(1e6)\n"
+    bots = write(tmp_path, **{f"slow{number}": sleeps for number in range(6)}).values()  # more than are tried at once
+    homes = tmp_path / "homes"
+    with subprocess.Popen([sys.executable, "-c", INTERRUPTED, homes, *bots], stderr=subprocess.PIPE) as process:
+        while not list(tmp_path.rglob("here")):
+            assert process.poll() is None
+            os.sched_yield()
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(PATIENCE_S)
+        finally:
+            process.kill()
+
+    assert process.returncode == -signal.SIGINT
+
+
 def test_a_fighter_that_its_limits_keep_from_starting_is_named(tmp_path: Path) -> None:
     entries = write(tmp_path, large="weights = bytearray(64 << 30)\n" + GOOD, small=GOOD)
 
@@ -105,4 +135,6 @@ def test_nothing_is_stored_of_a_league_with_an_entry_that_cannot_start(arena: Ar
     assert (ran.returncode, ran.stdout) == (2, "")
     assert ran.stderr.startswith("arena: bad cannot start: ")
     assert ran.stderr.count("\n") == 1
-    assert [path for path in (tmp_path / "data").rglob("*") if path.is_file()] == []
+    with Store(str(tmp_path / "data" / "arena.db"), make=False) as store:
+        assert store.leagues() == []
+    assert [path.name for path in (tmp_path / "data").rglob("*") if path.is_file()] == ["arena.db"]

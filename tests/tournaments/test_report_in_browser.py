@@ -1,22 +1,16 @@
-"""The report's page in a real browser: headless Chromium, driven by playwright.
+"""The report's page in a real browser."""
 
-They are Debian's `chromium` and the Python package; nothing is downloaded. Without them these tests are skipped, and fail where
-ARENA_REQUIRE_ALL=1 promises that nothing is skipped.
-"""
-
-import os
 import random
-import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from importlib.util import find_spec
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
 import pytest
+from chromium import PATIENCE_MS, WIDTHS, browser
 
 from arena.game.types import Ending, Team
 from arena.records.journal import journal_name
@@ -29,28 +23,11 @@ from tournaments.store import StoredLeague
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-WIDTHS = (390, 1440)
+__all__ = ["browser"]
+
 SCHEMES = ("light", "dark")
 EVIL = "</li><script>window.evil = 1</script><img src=x onerror='window.evil = 1'>"
-PATIENCE_MS = 60_000
 Show = Callable[..., "AbstractContextManager[Page]"]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator["Browser"]:
-    missing = "there is no chromium" if CHROMIUM is None else "there is no playwright" if find_spec("playwright") is None else ""
-    if missing and os.environ.get("ARENA_REQUIRE_ALL") == "1":
-        pytest.fail(f"{missing}, and ARENA_REQUIRE_ALL=1 allows no test to be skipped")
-    if missing:
-        pytest.skip(missing)
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        root = ["--no-sandbox"] if os.geteuid() == 0 else []  # Chromium's sandbox refuses to serve root
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=root, timeout=PATIENCE_MS)
-        yield chromium
-        chromium.close()
 
 
 def pretend(n_entries: int, n_pairs: int, *, reason: str = "", tail: str = "", n_draws: int = 20) -> Report:

@@ -23,6 +23,19 @@ rush = "rush"
 random = "random"
 """
 
+DUEL = """
+pairs = 64
+pairing = "sprt"
+venue = "local"
+seed = 3
+entries = ["rush", "random"]
+[rules]
+side = 10
+tick_limit = 20
+[sprt]
+elo1 = 400
+"""
+
 
 @pytest.fixture
 def data(arena: Callable[..., Any], tmp_path: Path) -> Path:
@@ -46,6 +59,42 @@ def test_a_finished_league_gives_its_report_and_its_journals(data: Path) -> None
     for result in report["results"]:
         journal = read_journal(leagues.journal("friday", result["identity"]))
         assert match_id(journal.header.identity) == match_id(result["identity"])
+
+
+def test_a_raised_number_of_pairs_is_seen_though_no_match_was_played_since(data: Path) -> None:
+    leagues = Leagues(data, "")
+    assert leagues.report("friday")["matches"]["complete"]
+
+    with Store(str(data / "arena.db")) as store:
+        store.enter("friday", store.get("friday").facts, 9)
+
+    assert leagues.report("friday")["matches"] | {"complete": False, "planned": 18} == leagues.report("friday")["matches"]
+
+
+def test_a_decided_test_shows_the_journals_of_its_whole_pairs(arena: Callable[..., Any], tmp_path: Path) -> None:
+    league = tmp_path / "better.toml"
+    league.write_text(DUEL)
+    assert arena("tournament", "run", league, "--data", tmp_path).returncode == 0
+    leagues = Leagues(tmp_path, "")
+    report = leagues.report("better")
+    n_played = len(report["results"])
+
+    assert (report["sprt"]["verdict"], n_played < report["matches"]["planned"] == 128) == ("accepted", True)
+    for result in report["results"]:
+        read_journal(leagues.journal("better", result["identity"]))
+
+    with Store(str(tmp_path / "arena.db")) as store:
+        row = store.get("better")
+        outcomes = store.outcomes(row)
+    other = tmp_path / "running.db"
+    with Store(str(other)) as store:
+        running = store.enter("better", row.facts, row.n_pairs)
+        for outcome in outcomes[:-1]:
+            store.add(running, outcome)
+    running_leagues = Leagues(tmp_path, str(other))
+    assert running_leagues.journal("better", outcomes[0].identity)
+    with pytest.raises(ArenaError, match="until the last match of these two is over"):
+        running_leagues.journal("better", outcomes[-2].identity)
 
 
 def test_no_journal_is_given_before_the_last_match_of_two_entries(data: Path) -> None:

@@ -41,7 +41,7 @@ export class Board {
 
   resize() {
     const size = Math.round(this.canvas.clientWidth * devicePixelRatio);
-    if (size && size !== this.canvas.width) {
+    if (size && (size !== this.canvas.width || size !== this.canvas.height)) {
       this.canvas.width = this.canvas.height = size;
       this.draw();
     }

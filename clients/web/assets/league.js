@@ -3,6 +3,7 @@ import { TEAMS } from "./board.js";
 import { ask, fill, h, say, signed, words } from "./dom.js";
 
 const EVERY_MS = 5000;
+const WIDEST_PLOT = 760;
 const SVG = "http://www.w3.org/2000/svg";
 const COLUMNS = [
   ["Rank", (row) => row.rank, (row) => (row.rank_low === row.rank_high ? `${row.rank_low}` : `${row.rank_low} to ${row.rank_high}`)],
@@ -15,6 +16,14 @@ const COLUMNS = [
   ["Losses", (row) => row.losses, (row) => `${row.losses}`],
   ["Forfeits", (row) => row.forfeits, (row) => `${row.forfeits}`],
 ];
+
+/** About `n` round numbers between two. */
+function roundNumbers(low, high, n) {
+  const least = (high - low) / n || 1;
+  const power = 10 ** Math.floor(Math.log10(least));
+  const step = power * [1, 2, 5, 10].find((factor) => factor * power >= least);
+  return Array.from({ length: Math.floor((high - low) / step) + 1 }, (_, index) => (Math.ceil(low / step) + index) * step + 0).filter((one) => one <= high);
+}
 
 export function show(main) {
   new LeaguePage(main).begin();
@@ -38,6 +47,7 @@ class LeaguePage {
   }
 
   begin() {
+    new ResizeObserver(() => this.report && this.drawPlot()).observe(this.plot);
     this.refresh();
     setInterval(() => document.hidden || this.refresh(), EVERY_MS);
   }
@@ -71,9 +81,10 @@ class LeaguePage {
   draw() {
     const { report } = this;
     const { played, planned, complete } = report.matches;
-    this.tell(`${report.league.name}: ${played} of ${planned} matches are played${complete ? "" : "; this page follows"}. Rules ${report.league.ruleset}.`);
+    const verdict = report.sprt ? ` ${report.sprt.says}.` : "";
+    this.tell(`${report.league.name}: ${played} of ${verdict ? "at most " : ""}${planned} matches are played${complete ? "" : "; this page follows"}.${verdict} Rules ${report.league.ruleset}.`);
     fill(this.table, this.standings());
-    fill(this.plot, this.ratingPlot());
+    this.drawPlot();
     fill(this.cross, this.crossTable());
     this.showFixture();
   }
@@ -85,7 +96,7 @@ class LeaguePage {
     const rows = this.report.standings.toSorted((one, other) => (isDown ? -1 : 1) * compare(one, other));
     const heads = COLUMNS.map(([name], index) => h("th", { scope: "col", "aria-sort": index === column ? (isDown ? "descending" : "ascending") : "none" },
       h("button", { type: "button", onclick: () => this.sort(index) }, `${name}${index === column ? (isDown ? " \u25be" : " \u25b4") : ""}`)));
-    return h("table", {}, h("thead", {}, h("tr", {}, heads)), h("tbody", {}, rows.map((row) => h("tr", {},
+    return h("table", { "aria-label": "Ratings" }, h("thead", {}, h("tr", {}, heads)), h("tbody", {}, rows.map((row) => h("tr", {},
       COLUMNS.map(([name, , text]) => (name === "Entry" ? h("th", { scope: "row" }, text(row)) : h("td", { class: "number" }, text(row))))))));
   }
 
@@ -96,10 +107,17 @@ class LeaguePage {
     if (isFocused) this.table.querySelectorAll("thead button")[column].focus();
   }
 
-  ratingPlot() {
+  drawPlot() {
+    const width = Math.min(this.plot.clientWidth, WIDEST_PLOT);
+    if (width) fill(this.plot, this.ratingPlot(width));
+  }
+
+  /** Each rating with its interval, as wide as there is room: letters stay as large as they are. */
+  ratingPlot(width) {
     const rows = this.report.standings;
     const [low, high] = [Math.min(...rows.map((row) => row.elo_low)), Math.max(...rows.map((row) => row.elo_high))];
-    const [width, left, line] = [640, 170, 26];
+    const [left, line] = [Math.min(170, 0.36 * width), 26];
+    const [nLetters, bottom] = [Math.floor((left - 14) / 8), line * rows.length + 8];
     const x = (elo) => left + ((elo - low) / (high - low || 1)) * (width - left - 20);
     const draw = (tag, properties, text = "") => {
       const element = document.createElementNS(SVG, tag);
@@ -107,22 +125,25 @@ class LeaguePage {
       element.textContent = text;
       return element;
     };
-    const picture = draw("svg", { viewBox: `0 0 ${width} ${line * rows.length + 8}`, role: "img", class: "plot", "aria-label": "Ratings with their 95% intervals; the table above has the numbers" });
+    const picture = draw("svg", { width, height: bottom + 18, role: "img", class: "plot", "aria-label": "Ratings with their 95% intervals; the table above has the numbers" });
+    for (const elo of roundNumbers(low, high, width / 100)) {
+      picture.append(draw("line", { x1: x(elo), x2: x(elo), y1: 0, y2: bottom, class: elo ? "rule" : "zero" }),
+        draw("text", { x: x(elo), y: bottom + 14, "text-anchor": "middle", class: "axis" }, signed(elo)));
+    }
     rows.forEach((row, index) => {
       const y = line * (index + 0.5) + 4;
-      const name = row.entry.length > 20 ? `${row.entry.slice(0, 19)}\u2026` : row.entry;
+      const name = row.entry.length > nLetters ? `${row.entry.slice(0, nLetters - 1)}\u2026` : row.entry;
       picture.append(draw("text", { x: left - 14, y: y + 5, "text-anchor": "end" }, name),
         draw("line", { x1: x(row.elo_low), x2: x(row.elo_high), y1: y, y2: y }), draw("circle", { cx: x(row.elo), cy: y, r: 5 }));
     });
-    if (low < 0 && high > 0) picture.append(draw("line", { x1: x(0), x2: x(0), y1: 0, y2: line * rows.length + 8, class: "zero" }));
     return picture;
   }
 
   crossTable() {
     const { standings, cross } = this.report;
     const names = standings.map((row) => row.entry);
-    return h("table", { class: "cross" },
-      h("thead", {}, h("tr", {}, h("td"), names.map((name) => h("th", { scope: "col" }, h("span", {}, name))))),
+    return h("table", { class: "cross", "aria-label": "Cross table" },
+      h("thead", {}, h("tr", {}, h("td"), names.map((name) => h("th", { scope: "col", title: name }, name)))),
       h("tbody", {}, names.map((name) => h("tr", {}, h("th", { scope: "row" }, name), names.map((other) => {
         const record = cross[name]?.[other];
         if (!record || record.score === null) return h("td", { class: "number" }, name === other ? "\u00b7" : "");
@@ -145,10 +166,10 @@ class LeaguePage {
     }
     const [name, other] = this.chosen;
     const matches = this.report.results.filter((one) => this.chosen.includes(one.blue) && this.chosen.includes(one.red));
-    fill(this.fixture, h("h2", {}, `${name} against ${other}`), h("ol", { class: "results" }, matches.map((one) => h("li", {},
+    fill(this.fixture, h("h2", {}, `${name} against ${other}`), h("ol", { class: "results" }, matches.map((one, index) => h("li", {},
       h("span", { class: TEAMS[0] }, one.blue), " against ", h("span", { class: TEAMS[1] }, one.red),
       `: ${one.winner === null ? "a draw" : `${one[one.winner]} wins`} by ${words(one.ending)} after ${one.ticks} ticks `,
-      h("a", { href: `/match/replay?${new URLSearchParams({ league: this.report.league.name, identity: one.identity })}` }, "Replay")))));
+      h("a", { href: `/match/replay?${new URLSearchParams({ league: this.report.league.name, identity: one.identity })}`, "aria-label": `Replay of match ${index + 1}, ${one.blue} against ${one.red}` }, "Replay")))));
   }
 
   tell(sentence, isBad = false) {

@@ -48,7 +48,7 @@ function tellSeats(lobby) {
 }
 
 function runningTable(matches) {
-  return h("table", {},
+  return h("table", { "aria-label": "Running matches" },
     h("thead", {}, h("tr", {}, ...["Blue", "Red", "Tick", ""].map((name) => h("th", { scope: "col" }, name)))),
     h("tbody", {}, matches.map((one) => h("tr", {},
       h("td", { class: "blue" }, one.blue), h("td", { class: "red" }, one.red), h("td", { class: "number" }, `${one.tick}`),
@@ -57,16 +57,16 @@ function runningTable(matches) {
 
 function resultList(results) {
   return h("ol", { class: "results" }, results.map((one) => h("li", {},
-    one.names ? h("span", {}, h("b", { class: "blue" }, one.names[0]), " against ", h("b", { class: "red" }, one.names[1]), ": ") : null,
-    `${tellEnding(one)} `,
-    h("a", { href: `/match/${encodeURIComponent(one.match)}` }, "Replay"))));
+    h("a", { href: `/match/${encodeURIComponent(one.match)}` },
+      one.names ? [h("b", { class: "blue" }, one.names[0]), " against ", h("b", { class: "red" }, one.names[1])] : "Replay"),
+    `: ${tellEnding(one)}`)));
 }
 
 function ladder(rows) {
-  return h("section", {}, h("h2", {}, "Ladder"), h("table", {},
+  return h("section", {}, h("h2", {}, "Ladder"), h("div", { class: "scroll", role: "region", "aria-label": "Ladder", tabindex: 0 }, h("table", { "aria-label": "Ladder" },
     h("thead", {}, h("tr", {}, ...["Entry", "Rating", "Wins", "Draws", "Losses"].map((name) => h("th", { scope: "col" }, name)))),
     h("tbody", {}, rows.map((row) => h("tr", {}, h("th", { scope: "row" }, row.name),
-      ...[Number(row.rating).toFixed(1), row.wins, row.draws, row.losses].map((value) => h("td", { class: "number" }, `${value}`)))))));
+      ...[Number(row.rating).toFixed(1).replace("-", "\u2212"), row.wins, row.draws, row.losses].map((value) => h("td", { class: "number" }, `${value}`))))))));
 }
 
 function tellRules(lobby) {

@@ -21,7 +21,7 @@ class MatchPage {
     this.back = league ? ["/league", "leaderboard"] : ["/", "lobby"];
     this.title = h("h1", {}, "Match");
     this.state = h("p", { class: "state", role: "status" }, "Looking for the match...");
-    this.facts = h("div", { class: "score" });
+    this.facts = h("div", { class: "score", role: "status" });
     this.stage = h("div");
     main.append(this.title, this.state, this.facts, this.stage);
     this.names = ["?", "?"];
@@ -114,6 +114,7 @@ class MatchPage {
   showFacts({ tick, living, score }) {
     this.showTitle();
     const limit = (this.player?.told.rules ?? this.rules)?.tick_limit;
+    this.facts.setAttribute("aria-live", this.player?.isPlaying ? "off" : "polite"); // sixty ticks a second are not read out
     fill(this.facts,
       h("span", {}, `tick ${tick}${limit ? ` of ${limit}` : ""}`),
       score === null ? null : h("span", {}, `score ${signed(score)} for blue`),

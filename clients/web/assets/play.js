@@ -15,6 +15,15 @@ export async function show(main) {
   new PlayPage(main, offer, lobby).begin();
 }
 
+/** What is in sight of the enemy, and where the flag is that is looked for, in words. */
+function tellSights({ team, side, grid, known }) {
+  const [ugv, uav, flag] = team ? [CODE.blueUgv, CODE.blueUav, CODE.blueFlag] : [CODE.redUgv, CODE.redUav, CODE.redFlag];
+  const find = (cells, code) => [...cells].flatMap((one, cell) => (one === code ? [`${Math.floor(cell / side)}, ${cell % side}`] : []));
+  const enemies = [["UGV", ugv], ["UAV", uav]].flatMap(([name, code]) => find(grid, code).map((place) => `${name} at ${place}`));
+  const [place] = find(known, flag);
+  return `In sight: ${enemies.join("; ") || "no enemy"}. The flag to capture ${place ? `is at ${place}` : "is not found yet"}.`;
+}
+
 class PlayPage {
   constructor(main, offer, lobby) {
     this.offer = offer;
@@ -93,7 +102,8 @@ class PlayPage {
 
   showTurn() {
     const { told } = this;
-    this.tell(told.is_my_turn
+    if (told.sentence) this.tell(`You wait ${told.sentence}; your seat is kept.`, true);
+    else this.tell(told.is_my_turn
       ? "Your turn: it ends with Enter, when every unit has its order, or when the time is over. Orders stay until you change them."
       : "The others move...");
   }
@@ -117,8 +127,11 @@ class PlayPage {
   build(picture) {
     const { side } = picture;
     this.board = new Board({ side }, "The board as your team sees it");
-    this.facts = h("div", { class: "score" });
-    this.time = h("b", { class: "time" });
+    this.who = h("div", { class: "parts" });
+    this.facts = h("div", { class: "parts", role: "status" });
+    this.time = h("b", { class: "time", role: "timer" }); // which is not read out by itself; `alarm` is, once a turn
+    this.alarm = h("span", { class: "unseen", role: "status" });
+    this.sights = h("p", { class: "events", role: "status" });
     this.units = h("ol", { class: "units" });
     this.options = h("div", { class: "pad" });
     this.after = h("div", { class: "controls" });
@@ -129,16 +142,15 @@ class PlayPage {
       const cell = this.board.cellAt(event.clientX, event.clientY);
       if (cell) this.say({ do: "point", row: cell[0], column: cell[1] });
     });
-    this.stage.replaceChildren(this.facts, this.after, h("div", { class: "desk" },
-      h("figure", {}, this.board.canvas),
-      h("div", { class: "panel" },
-        h("div", { class: "controls" }, this.time, (this.end = h("button", { type: "button", class: "main", onclick: () => this.say({ do: "end" }) }, "End turn (Enter)"))),
+    this.stage.replaceChildren(h("div", { class: "score" }, this.who, this.facts), this.after,
+      h("div", { class: "controls clock" }, this.time, this.alarm, (this.end = h("button", { type: "button", class: "main", onclick: () => this.say({ do: "end" }) }, "End turn (Enter)"))),
+      h("div", { class: "desk" }, h("figure", {}, this.board.canvas, this.sights), h("div", { class: "panel" },
         h("h2", {}, "Units"), this.units,
         h("h2", {}, "Orders for the chosen unit"), this.options,
         h("div", { class: "controls" }, h("label", { for: "pilot" }, "Units without orders follow"), this.pilot),
         h("div", { class: "controls" }, this.memory, h("label", { for: "memory" }, "Show remembered ground")),
         h("p", { class: "hint" }, "Click a unit to choose it, then a cell to send it there. Keys: ",
-          ...[["1 - 9", "choose,"], ["N", "next unit,"], ["arrows or WASD", "go,"], [".", "stay,"], ["Backspace", "take the order back,"], ["Enter", "end the turn."]]
+          ...[["0 - 9", "choose,"], ["N", "next unit,"], ["arrows or WASD", "go,"], [".", "stay,"], ["Backspace", "take the order back,"], ["Enter", "end the turn."]]
             .flatMap(([key, what]) => [h("kbd", {}, key), ` ${what} `])))));
   }
 
@@ -148,18 +160,18 @@ class PlayPage {
     const { units, selected } = picture;
     const chosen = units[selected];
     const own = TEAMS[picture.team];
-    fill(this.facts, h("span", { class: own }, `you are ${own}`), h("span", {}, `against ${opponent}`), h("span", {}, `tick ${picture.tick} of ${picture.tick_limit}`),
-      h("span", {}, `score ${signed(picture.score)}`), h("span", {}, `units ${picture.living[0]} to ${picture.living[1]}`));
+    fill(this.who, h("span", { class: own }, `you are ${own}`), h("span", {}, `against ${opponent}`));
+    fill(this.facts, h("span", {}, `tick ${picture.tick} of ${picture.tick_limit}`), h("span", {}, `score ${signed(picture.score)}`), h("span", {}, `units ${picture.living[0]} to ${picture.living[1]}`));
     this.board.show({
       grid: picture.grid,
       known: this.memory.checked ? picture.known : null,
       discs: chosen ? [{ cell: chosen.cell, sight: chosen.sight, attack: chosen.attack }] : [],
       routes: chosen?.route.length ? [[chosen.cell, ...chosen.route]] : [],
-      numbers: units.flatMap((unit, index) => (unit.alive ? [{ cell: unit.cell, text: `${index + 1}` }] : [])),
+      numbers: units.flatMap((unit, index) => (unit.alive ? [{ cell: unit.cell, text: `${index}` }] : [])),
       selected: chosen?.cell,
     });
-    const flags = [...picture.known].filter((code) => code === (picture.team ? CODE.blueFlag : CODE.redFlag)).length;
-    this.board.label(`The board at tick ${picture.tick} as ${own} sees it; the enemy's flag is ${flags ? "known" : "not found yet"}`);
+    this.board.label(`The board at tick ${picture.tick} as ${own} sees it`);
+    say(this.sights, tellSights(picture));
     this.end.disabled = !this.told.is_my_turn;
     this.showUnits(units, selected);
     this.showOptions(picture);
@@ -203,7 +215,9 @@ class PlayPage {
     }
     const seconds = left === null ? null : Math.max(0, left - (performance.now() - this.heardAt) / 1000);
     say(this.time, seconds === null ? "no clock runs" : `${Math.ceil(seconds)} s left`);
-    this.time.classList.toggle("hurry", seconds !== null && seconds < HURRY_S);
+    const isLate = seconds !== null && seconds < HURRY_S;
+    this.time.classList.toggle("hurry", isLate);
+    say(this.alarm, isLate && this.told.is_my_turn ? `${HURRY_S} seconds are left` : "");
   }
 
   press(event) {
@@ -213,7 +227,7 @@ class PlayPage {
     const isOnButton = Boolean(event.target.closest?.("button, a"));
     let word = null;
     if (key in KEYS) word = { do: "order", action: KEYS[key] };
-    else if (/^[1-9]$/.test(key)) word = { do: "select", unit: Number(key) - 1 };
+    else if (/^[0-9]$/.test(key)) word = { do: "select", unit: Number(key) };
     else if (key === "n") word = { do: "next", by: event.shiftKey ? -1 : 1 };
     else if (key === "Backspace" || key === "Delete") word = { do: "release" };
     else if (key === "Enter" && !isOnButton) word = { do: "end" };

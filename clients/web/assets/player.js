@@ -1,6 +1,6 @@
 // Plays ticks on two boards: a timeline to scrub, step and play, by pointer and by keys.
 import { Board, TEAMS } from "./board.js";
-import { fill, h, say } from "./dom.js";
+import { h, say } from "./dom.js";
 import { eventsOf, nameOf, unitsAt } from "./scenes.js";
 
 const SPEEDS = [1, 2, 4, 8, 15, 30, 60];
@@ -16,6 +16,7 @@ export class Player {
     this.isPlaying = false;
     this.isWhole = false; // a replay, to which nothing is added
     this.hovered = null;
+    this.followed = null;
     this.boards = ["what blue sees", "the truth"].map((label) => new Board(told.rules, label));
     this.build(stage);
     this.onKey = (event) => this.press(event);
@@ -30,7 +31,7 @@ export class Player {
     this.pace = h("select", { "aria-label": "Ticks per second", onchange: () => { this.speed = Number(this.pace.value); } },
       SPEEDS.map((speed) => h("option", { value: speed, selected: speed === this.speed }, `${speed} ticks/s`)));
     this.tickSays = h("output", { class: "number" });
-    this.events = h("p", { class: "events" });
+    this.events = h("p", { class: "events", role: "status" });
     this.rows = h("tbody");
     const step = (text, label, by) => h("button", { type: "button", "aria-label": label, onclick: () => this.step(by) }, text);
     const seen = h("figure", {}, h("figcaption", {}, (this.caption = h("span", {}, "What blue sees")), h("span", { class: "controls" }, this.teamButtons)), this.boards[0].canvas);
@@ -39,10 +40,10 @@ export class Player {
       h("div", { class: "controls" }, this.playButton, step("\u25c0", "One tick back", -1), step("\u25b6", "One tick on", 1), this.timeline, this.tickSays, this.pace),
       this.events,
       h("div", { class: "boards" }, seen, truth),
-      h("p", { class: "legend" }, ...["U u UGV", "A a UAV", "pennant: flag", "dark: obstacle", "hatched: fog", "frame: in a fight", "cross: fell", "ring: flag captured"].map((text) => h("span", {}, text))),
-      h("p", { class: "hint" }, "Capitals are blue's, small letters red's. Point at a unit for its sight and attack. Keys: ",
+      h("p", { class: "legend" }, ...["U u UGV", "A a UAV", "pennant: flag", "grey: obstacle", "hatched: fog", "frame: in a fight", "cross: fell", "ring: flag captured"].map((text) => h("span", {}, text))),
+      h("p", { class: "hint" }, "Capitals are blue's, small letters red's. Point at a unit, or go to it in the table, for its sight and attack. Keys: ",
         ...[["Space", "play"], ["\u2190 \u2192", "step"], ["Home End", "ends"], ["+ \u2212", "speed"], ["T", "team"]].flatMap(([key, what]) => [h("kbd", {}, key), ` ${what} `])),
-      h("details", {}, h("summary", {}, "Units as a table"), h("div", { class: "scroll" }, h("table", {},
+      h("details", {}, h("summary", {}, "Units as a table"), h("div", { class: "scroll" }, h("table", { "aria-label": "Units" },
         h("thead", {}, h("tr", {}, ...["Unit", "Row", "Column", "State"].map((name) => h("th", { scope: "col" }, name)))), this.rows))));
     for (const board of this.boards) {
       board.canvas.addEventListener("pointermove", (event) => this.hover(board.cellAt(event.clientX, event.clientY)));
@@ -91,7 +92,7 @@ export class Player {
     if (this.at >= this.told.ticks.length - 1) this.go(0);
     this.isPlaying = true;
     say(this.playButton, "Pause");
-    this.events.removeAttribute("role"); // nobody can listen to sixty sentences a second
+    this.events.setAttribute("aria-live", "off"); // nobody can listen to sixty sentences a second
     let due = performance.now();
     const run = (now) => {
       if (!this.isPlaying) return;
@@ -109,7 +110,7 @@ export class Player {
   pause() {
     this.isPlaying = false;
     say(this.playButton, "Play");
-    this.events.setAttribute("role", "status");
+    this.events.setAttribute("aria-live", "polite");
     if (this.at >= 0) this.fillTable();
   }
 
@@ -122,6 +123,12 @@ export class Player {
     if (String(cell) === String(this.hovered)) return;
     this.hovered = cell;
     if (this.at >= 0) this.draw();
+  }
+
+  /** Show what a unit can do wherever it goes, until another is followed; null for none. */
+  follow(number) {
+    this.followed = number;
+    this.draw();
   }
 
   press(event) {
@@ -152,8 +159,9 @@ export class Player {
     const tick = ticks[this.at];
     if (!tick) return;
     const { marks, sentences } = eventsOf(rules, ticks, this.at, ending);
-    const units = this.hovered ? unitsAt(rules, tick, this.hovered) : [];
-    const discs = units.map(({ kind }) => ({ cell: this.hovered, sight: kind.sight, attack: kind.attack }));
+    const cell = this.hovered ?? (this.followed === null ? null : this.units(tick)[this.followed].cell);
+    const units = cell ? unitsAt(rules, tick, cell) : [];
+    const discs = units.map(({ kind }) => ({ cell, sight: kind.sight, attack: kind.attack }));
     const isSeen = ({ cell: [row, column] }) => tick.seen[this.team][row * rules.side + column] !== "?";
     this.boards[0].show({ grid: tick.seen[this.team], marks: marks.filter(isSeen), discs: discs.filter(isSeen) });
     this.boards[1].show({ grid: tick.truth, marks, discs });
@@ -165,10 +173,22 @@ export class Player {
     if (!this.isPlaying) this.fillTable();
   }
 
+  /** Every unit of a tick, blue's first. */
+  units(tick) {
+    return tick.units.flatMap((units, team) => units.map(([row, column, alive], index) => ({ team, index, cell: [row, column], alive })));
+  }
+
+  /** Each unit is a button, which shows by keyboard what pointing at the unit shows. Rows stay, so that focus does. */
   fillTable() {
     const { rules, ticks } = this.told;
-    fill(this.rows, ticks[this.at].units.flatMap((units, team) => units.map(([row, column, alive], index) => h("tr", {},
-      h("th", { scope: "row", class: TEAMS[team] }, nameOf(rules, team, index)), h("td", { class: "number" }, `${row}`),
-      h("td", { class: "number" }, `${column}`), h("td", {}, alive ? "lives" : "fallen")))));
+    const units = this.units(ticks[this.at]);
+    if (!this.rows.children.length) {
+      this.rows.append(...units.map(({ team, index }, number) => h("tr", {},
+        h("th", { scope: "row", class: TEAMS[team] }, h("button", { type: "button", onfocus: () => this.follow(number), onblur: () => this.follow(null) }, nameOf(rules, team, index))),
+        h("td", { class: "number" }), h("td", { class: "number" }), h("td"))));
+    }
+    units.forEach(({ cell: [row, column], alive }, number) => {
+      [`${row}`, `${column}`, alive ? "lives" : "fallen"].forEach((text, at) => say(this.rows.children[number].cells[at + 1], text));
+    });
   }
 }

@@ -1,5 +1,6 @@
 """Journals: what is written is read back, and nothing that was cut, changed or made up passes for one."""
 
+import os
 import struct
 from collections.abc import Callable
 from hashlib import sha256
@@ -329,6 +330,20 @@ def test_a_longer_journal_of_the_same_name_leaves_nothing_behind(tmp_path: Path,
     save_journal(str(tmp_path), "a", small_journal)
 
     assert (tmp_path / journal_name("a")).read_bytes() == small_journal
+
+
+def test_a_journal_that_does_not_fit_on_the_disk_leaves_nothing_and_spoils_none(
+    tmp_path: Path, small_journal: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_journal(str(tmp_path), "a", small_journal)
+    write = os.write
+    monkeypatch.setattr(os, "write", lambda descriptor, data: write(descriptor, data[:10]))
+
+    for identity in ("a", "b"):
+        with pytest.raises(OSError, match="No space left"):
+            save_journal(str(tmp_path), identity, small_journal + b"more")
+
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {journal_name("a"): small_journal}
 
 
 @given(st.lists(texts, min_size=2, max_size=6, unique=True))

@@ -233,3 +233,21 @@ def test_a_journal_that_breaks_is_not_drawn_as_if_it_held(
         "arena: the journal does not verify: at tick 6 its orders or its state were changed",
     )
     assert not (tmp_path / "a.gif").exists()
+
+
+def test_below_the_boards_stands_what_the_shapes_mean() -> None:
+    """Whole words, on however many lines a small board leaves them; as many for every tick, or a GIF would jump."""
+    legends = {}
+    for side in (4, 20):
+        grid = np.full((side, side), Code.BLUE_HALF, np.int8)
+        scene = Scene(title="", facts="", boards=(("", grid), ("", grid)))
+        image = draw(scene, 16)
+        assert image.size == draw(Scene(title="t", facts="f", boards=scene.boards, fallen=frozenset({(1, 1)})), 16).size
+        below = np.asarray(image.convert("L"), int)[16 * 4 + 16 * side + 1 :]
+        legends[side] = int(below.shape[0] / 16)
+        ink = np.argwhere(below < 200)
+        assert len(ink) > 100
+        assert ink[:, 1].max() < image.width - 8
+        assert ink[:, 0].max() < len(below) - 1
+
+    assert legends[4] > legends[20]

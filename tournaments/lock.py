@@ -1,0 +1,41 @@
+"""The lock that keeps two schedulers off one league; a file's, which dies with the process that holds it."""
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from arena.errors import ArenaError, InputError
+
+
+class TakenError(ArenaError):
+    """Another scheduler runs the league."""
+
+    def __init__(self, league: str, holds: str) -> None:
+        super().__init__(f"another scheduler runs league {league} (it holds {holds})")
+        self.league = league
+
+
+@contextmanager
+def lock_file(path: Path, league: str) -> Iterator[None]:
+    """Hold a file of a league; it is made if need be, and stays.
+
+    Raises
+    ------
+    TakenError
+        Another scheduler holds it.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as error:
+        raise InputError(f"cannot lock the league with {path}: {error.strerror}") from error
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise TakenError(league, str(path)) from error
+        yield
+    finally:
+        os.close(descriptor)

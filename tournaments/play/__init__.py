@@ -1,0 +1,1 @@
+"""Two fighters against each other, at once and without a store."""
