@@ -17,11 +17,13 @@ from torch import Tensor, nn
 
 from arena.errors import ArenaError, PolicyError
 from policies.features import FEATURES_VERSION
-from policies.networks import PaperNetwork, TeamNetwork, TeamShape
+from policies.networks import PaperTeam, TeamNetwork, TeamShape
 
 FORMAT = 1
 """Rises whenever a file of the old kind can no longer be read."""
 MOST_BYTES = 12_000_000
+"""Of a checkpoint, or of each policy in one that has a policy for each unit."""
+MOST_AGENTS = 16
 KINDS = ("team", "paper")
 _KEY = "arena"
 
@@ -33,7 +35,7 @@ class Manifest:
     network: str
     """One of `KINDS`."""
     shape: dict[str, int]
-    """Sizes of the network; for `team` those of `networks.TeamShape`."""
+    """Sizes of the network: those of `networks.TeamShape`, or the arguments of `networks.PaperTeam`."""
     features: int
     """`features.FEATURES_VERSION` of the planes that it was trained on."""
     ruleset: str
@@ -66,7 +68,9 @@ def build_network(kind: str, shape: Mapping[str, int]) -> nn.Module:
         except TypeError as error:
             raise ValueError(f"it names sizes that a team network has not: {', '.join(shape)}") from error
     if kind == "paper":
-        return PaperNetwork(**shape)
+        if not (set(shape) <= {"window", "agents"} and 7 <= shape["window"] <= 64 and 1 <= shape["agents"] <= MOST_AGENTS):
+            raise ValueError(f"no network of the paper has the sizes {shape}")
+        return PaperTeam(**shape)
     raise ValueError(f"its network is {kind!r}; known: {', '.join(KINDS)}")
 
 
@@ -74,8 +78,8 @@ def shape_of(network: nn.Module) -> tuple[str, dict[str, int]]:
     """Return the kind and the sizes of a network."""
     if isinstance(network, TeamNetwork):
         return "team", asdict(network.shape)
-    if isinstance(network, PaperNetwork):
-        return "paper", {"window": network.window}
+    if isinstance(network, PaperTeam):
+        return "paper", {"window": network.window, "agents": network.agents}
     raise ValueError(f"{type(network).__name__} is no network that a checkpoint can hold")
 
 
@@ -89,8 +93,9 @@ def save_checkpoint(path: Path, weights: Mapping[str, Tensor], manifest: Manifes
     """
     tensors = {name: tensor.detach().to("cpu", torch.float32).contiguous() for name, tensor in weights.items()}
     data = save(tensors, {_KEY: json.dumps({"format": FORMAT, **asdict(manifest)}, sort_keys=True)})
-    if len(data) > MOST_BYTES:
-        raise ArenaError(f"the checkpoint {path} would take {len(data):,} bytes; {MOST_BYTES:,} is the most")
+    most = _most_bytes(manifest)
+    if len(data) > most:
+        raise ArenaError(f"the checkpoint {path} would take {len(data):,} bytes; {most:,} is the most")
     write_whole(path, data)
 
 
@@ -118,9 +123,7 @@ def read_manifest(path: Path) -> Manifest:
     """
     try:
         size = path.stat().st_size
-        if size > MOST_BYTES:
-            raise PolicyError(f"the checkpoint {path} has {size:,} bytes; {MOST_BYTES:,} is the most")
-        with safe_open(path, "pt") as file:
+        with safe_open(path, "pt") as file:  # reads no more than what stands before the tensors
             text = (file.metadata() or {}).get(_KEY)
     except OSError as error:
         raise PolicyError(f"cannot read the checkpoint {path}: {error.strerror or error}") from error
@@ -132,10 +135,19 @@ def read_manifest(path: Path) -> Manifest:
         facts = json.loads(text)
         version = facts.pop("format")
         if version == FORMAT:
-            return Manifest(**facts)
+            manifest = Manifest(**facts)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise PolicyError(f"the manifest of the checkpoint {path} cannot be read") from error
-    raise PolicyError(f"the checkpoint {path} is of format {version}; this arena reads format {FORMAT}")
+    if version != FORMAT:
+        raise PolicyError(f"the checkpoint {path} is of format {version}; this arena reads format {FORMAT}")
+    if size > _most_bytes(manifest):
+        raise PolicyError(f"the checkpoint {path} has {size:,} bytes; {_most_bytes(manifest):,} is the most")
+    return manifest
+
+
+def _most_bytes(manifest: Manifest) -> int:
+    agents = manifest.shape.get("agents") if manifest.network == "paper" else 1
+    return MOST_BYTES * (agents if isinstance(agents, int) and 1 <= agents <= MOST_AGENTS else 1)
 
 
 def load_checkpoint(path: Path) -> Checkpoint:
@@ -154,7 +166,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         )
     try:
         network = build_network(manifest.network, manifest.shape)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, KeyError) as error:
         raise PolicyError(f"the checkpoint {path} cannot be built: {error}") from error
     with safe_open(path, "pt") as file:
         weights = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no mapping

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import nn
+from torch import Tensor, nn
 
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
@@ -21,7 +21,7 @@ from policies.chance import draw
 from policies.checkpoint import Checkpoint, load_checkpoint
 from policies.features import Encoded, Encoder, mirror
 from policies.first_person import FirstPerson
-from policies.networks import PaperNetwork, TeamNetwork
+from policies.networks import PaperTeam, TeamNetwork
 
 CHUNK = 128
 """Seats in one pass: as many as keep what lies between the layers in the cores' own memory."""
@@ -119,25 +119,39 @@ def infer(network: TeamNetwork, encoded: Encoded, n_walkers: int) -> NDArray[np.
 
 
 class LearnedUnits(BatchPolicy):
-    """Plays a `PaperNetwork`: each unit decides alone, from its own view."""
+    """Plays a `PaperTeam`, which may be exchanged while matches run: each unit decides alone, from its own view."""
 
-    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, network: PaperNetwork) -> None:
+    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, network: PaperTeam) -> None:
         super().__init__(ruleset, team, n_seats)
         flies = np.array([unit.flies for unit in ruleset.team(team)], np.uint8)
         self._views = FirstPerson(team, ruleset.side, flies, n_seats, network.window)
-        self._network = network.eval()
         self._actions = np.zeros((n_seats, len(flies)), np.int8)
+        self._unit = torch.arange(len(flies)).repeat(n_seats)
+        self.use(network)
+
+    def use(self, network: PaperTeam) -> None:
+        """Play with another network from now on."""
+        self._network = network.eval()
+        self._fast = as_bf16(network) if has_fast_bf16() and self.n_seats >= _SMALLEST_BF16 else self._network
 
     def act(self, observations: Observations, orders: Orders) -> None:
         """Cut the views, and draw from what the network gives."""
         if not orders.shape[1]:
             return
         views = torch.from_numpy(self._views.cut(observations)).flatten(0, 1)
-        with torch.inference_mode():
-            logits = torch.cat([self._network(chunk) for chunk in torch.split(views, CHUNK)])
-        choose(logits.view(*self._actions.shape, -1).numpy(), np.ascontiguousarray(observations.seed), self._actions)
+        logits = infer_units(self._fast, views, self._unit)
+        choose(logits.reshape(*self._actions.shape, -1), np.ascontiguousarray(observations.seed), self._actions)
         is_turned = self._views.is_turned[:, None].astype(np.bool_)
         orders[:] = np.where(is_turned, mirror(self._actions), self._actions)
+
+
+def infer_units(network: PaperTeam, views: Tensor, unit: Tensor) -> NDArray[np.float32]:
+    """Return logits of views of units, float32, shape (n, actions), computed in chunks, on the network's own device."""
+    device = next(network.parameters()).device
+    size = CHUNK if device.type == "cpu" else max(len(views), 1)
+    with torch.inference_mode():
+        chunks = zip(torch.split(views.to(device), size), torch.split(unit.to(device), size), strict=True)
+        return np.asarray(torch.cat([network(*chunk) for chunk in chunks]).cpu().numpy())
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +164,7 @@ class LearnedFactory:
     def __call__(self, ruleset: Ruleset, team: Team, n_seats: int) -> BatchPolicy:
         """Return the network in some seats."""
         network = self.checkpoint.network
-        if isinstance(network, PaperNetwork):
+        if isinstance(network, PaperTeam):
             return LearnedUnits(ruleset, team, n_seats, network=network)
         assert isinstance(network, TeamNetwork)  # `build_network` knows no other
         return LearnedTeam(ruleset, team, n_seats, network=network)

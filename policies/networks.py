@@ -1,6 +1,7 @@
 """The networks: `PaperNetwork` of the paper's Table 5, and `TeamNetwork`, which thinks for all units of a team at once.
 
-Both take any number of units. `TeamNetwork` takes any board whose side is even; `PaperNetwork` sees a window of fixed size.
+Both take any number of units. `TeamNetwork` takes any board whose side is even; `PaperNetwork` sees a window of fixed size, and
+`PaperTeam` is one or several of them.
 """
 
 from dataclasses import dataclass
@@ -221,3 +222,38 @@ class PaperNetwork(nn.Module):
         board = views[:, None].to(self.first.weight.dtype)
         board = functional.relu(self.second(functional.relu(self.first(board))))
         return cast(Tensor, self.out(functional.relu(self.dense(board.flatten(1))))).float()
+
+
+class PaperTeam(nn.Module):
+    """The paper's policies of a team: one `PaperNetwork` for all units, or one for each by its index.
+
+    Units that are more than there are policies go round, so that a team of any size can play.
+
+    Parameters
+    ----------
+    agents
+        Networks; 1 is a policy that all units share.
+    """
+
+    def __init__(self, window: int = 20, agents: int = 1) -> None:
+        super().__init__()
+        self.window, self.agents = window, agents
+        self.members = nn.ModuleList(PaperNetwork(window) for _ in range(agents))
+
+    def forward(self, views: Tensor, unit: Tensor) -> Tensor:
+        """Return logits, float32, shape (n, actions).
+
+        Parameters
+        ----------
+        views
+            Shape (n, window, window), as `PaperNetwork.forward`.
+        unit
+            int64, shape (n,): index of the unit that each view is of.
+        """
+        if self.agents == 1:
+            return cast(Tensor, self.members[0](views))
+        logits = views.new_zeros((len(views), N_ACTIONS), dtype=torch.float32)
+        for index, member in enumerate(self.members):
+            rows = (unit % self.agents == index).nonzero().squeeze(1)
+            logits = logits.index_put((rows,), member(views[rows]))
+        return logits

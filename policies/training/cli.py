@@ -2,105 +2,163 @@
 
 import os
 import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from arena.console import complete_ruleset
+from arena.console import AsJson, complete_ruleset, print_json, print_table
 from arena.errors import InputError
 
 if TYPE_CHECKING:
-    from policies.training.folder import RunFolder
-    from policies.training.run import Budget
-    from policies.training.settings import Settings
+    from policies.training.methods import Order
+    from policies.training.parallel import Processes
 
-METHODS = ("ppo",)
+METHODS = ("ppo", "reinforce")
+_LINE_EVERY_S = 10.0
+_ALLOCATOR = {"MALLOC_MMAP_THRESHOLD_": "1073741824", "MALLOC_TRIM_THRESHOLD_": "1073741824"}
+"""Kept memory is cheaper than fresh memory: without this, every large tensor is mapped, and faulted in, anew."""
+
+train = typer.Typer(invoke_without_command=True, pretty_exceptions_enable=False)
 
 
-def train(
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "ppo",
+@train.callback()
+def start_or_go_on(
+    context: typer.Context,
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}; reinforce is the paper's.")] = "ppo",
     start: Annotated[
         str,
         typer.Option(metavar="clone:FIGHTER|FILE", help="Begin as a copy of a script, or from a checkpoint; else from nothing."),
     ] = "",
+    curriculum: Annotated[
+        str, typer.Option(metavar="paper", help="Train stage after stage, each from the one before, in folders of --out.")
+    ] = "",
+    stage: Annotated[str, typer.Option(help="Of the curriculum, this stage alone.")] = "",
     out: Annotated[Path, typer.Option(metavar="DIR", help="The run's folder.")] = Path("arena-data/run"),
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out.")] = False,
     samples: Annotated[
-        int | None, typer.Option(min=1, help="Stop after so many ticks of one seat; 3,000,000 by default.")
+        int | None, typer.Option(min=1, help="Stop after so many ticks of one seat; ppo: 3,000,000 by default.")
     ] = None,
+    episodes: Annotated[int | None, typer.Option(min=1, help="Stop after so many matches; reinforce: 20,000 by default.")] = None,
     minutes: Annotated[float | None, typer.Option(min=0.01, help="Stop after so much training, over all sittings.")] = None,
-    rules: Annotated[str, typer.Option(autocompletion=complete_ruleset, help="The ruleset to train on.")] = "paper",
+    rules: Annotated[
+        str | None, typer.Option(autocompletion=complete_ruleset, help="The ruleset; paper for ppo, exp1 for reinforce.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the weights, the maps and the matches.")] = 1,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, as in --set games=64; may be repeated."),
     ] = None,
+    device: Annotated[str, typer.Option(metavar="cpu|cuda", help="Where the network computes.")] = "cpu",
 ) -> None:
     """Train a fighter. Stopped at any moment, it goes on with --resume; under torchrun, all processes train one."""
+    if context.invoked_subcommand is not None:
+        return
     if method not in METHODS:
         raise InputError(f"--method is {method!r}; it must be one of {', '.join(METHODS)}")
-    # Kept memory is cheaper than fresh memory: without this, every large tensor is mapped, and faulted in, anew.
-    if "MALLOC_TRIM_THRESHOLD_" not in os.environ:
-        os.environ |= {"MALLOC_MMAP_THRESHOLD_": "1073741824", "MALLOC_TRIM_THRESHOLD_": "1073741824"}
-        _run_again()
+    if device not in ("cpu", "cuda"):
+        raise InputError(f"--device is {device!r}; it must be cpu or cuda")
+    if (curriculum and (method != "reinforce" or rules or start)) or (stage and not curriculum):
+        raise InputError("--curriculum is for the method reinforce, says rules and start itself, and alone has a --stage")
+    if not os.environ.keys() >= _ALLOCATOR.keys():
+        # The allocator reads its settings once, at the start of a process.
+        os.environ |= _ALLOCATOR | {name: os.environ[name] for name in _ALLOCATOR if name in os.environ}
+        os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
     from policies.learned import hold_threads
-    from policies.training.folder import LAST, RunFolder
+    from policies.training.budget import Budget
+    from policies.training.curriculum import has_ended, stages_of, start_of
+    from policies.training.folder import LAST, SETTINGS, RunFolder
+    from policies.training.methods import make_order, read_order
     from policies.training.parallel import join_processes, leave_processes
-    from policies.training.run import Run
 
+    budget = Budget(samples=samples, episodes=episodes, minutes=minutes)
+    folders = {name: out / name for name in stages_of(curriculum, stage)} if curriculum else {"": out}
+    if resume:
+        order = read_order(RunFolder(next(iter(folders.values()))).read_settings()).with_budget(budget)
+    else:
+        order = make_order(method, start, budget, rules=rules, seed=seed, assignments=settings or ())
     hold_threads()
-    processes = join_processes()
+    processes = join_processes(device)
+    for name, folder in folders.items():
+        if curriculum and resume and has_ended(folder):
+            continue
+        if resume and (folder / SETTINGS).exists():
+            order = read_order(RunFolder(folder).read_settings()).with_budget(budget)
+        else:
+            RunFolder(folder).refuse_if_taken()
+            processes.share_first(None)  # none makes the folder before all have looked
+            order = order.for_stage(name, start_of(curriculum, name, out)) if curriculum else order
+        if not _train(order, folder, processes, device):
+            break
+    else:
+        if processes.is_first and curriculum:
+            typer.echo(f"the curriculum has ended: {', '.join(str(folder / LAST) for folder in folders.values())}")
+    leave_processes()
+
+
+def _train(order: "Order", out: Path, processes: "Processes", device: str) -> bool:
+    """Train one run; return whether its budget is used up."""
+    from policies.training.folder import LAST, SETTINGS, RunFolder
+    from policies.training.methods import make_run
+
     folder = RunFolder(out)
-    if processes.is_first and not resume:
-        chosen, budget = _read(rules, seed, settings or [], samples, minutes)
-        folder.create(_told(chosen, start, budget))
-    processes.share_first(None)
-    chosen, start, budget = _recall(folder, resume, samples, minutes)
     stops: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda caught, _: stops.append(caught))
-    run = Run(folder, chosen, start, budget, processes, lambda line: typer.echo(line, err=True) if processes.is_first else None)
-    is_done = run.train(lambda: bool(stops))
-    leave_processes()
+    with _telling(str(out), processes.is_first) as tell:
+        run = make_run(order, folder, processes, tell, device)
+        if processes.is_first and not (out / SETTINGS).exists():  # only now: what cannot run leaves nothing behind
+            folder.create(order.to_dict())
+        is_done = run.train(lambda: bool(stops))
     if processes.is_first:
-        typer.echo(
-            f"trained {run.counts.cloned + run.counts.samples:,} samples in {run.counts.seconds / 60:.1f} min: {out / LAST}"
-        )
+        typer.echo(f"trained: {out / LAST}")
         if not is_done:
-            typer.echo(f"stopped early; go on with: arena train --resume --out {out}")
+            typer.echo("stopped early; the same command with --resume goes on")
+    return is_done
 
 
-def _run_again() -> None:
-    """Start this command anew, since the allocator reads its settings once, at the start of a process."""
-    import sys
-
-    os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
-
-
-def _read(rules: str, seed: int, assignments: list[str], samples: int | None, minutes: float | None) -> "tuple[Settings, Budget]":
-    from policies.training.run import Budget
-    from policies.training.settings import Settings
-
-    if samples is None and minutes is None:
-        samples = 3_000_000
-    chosen = Settings(rules=rules, seed=seed).with_(assignments)
-    return chosen, Budget(samples=samples, minutes=minutes)
-
-
-def _told(chosen: "Settings", start: str, budget: "Budget") -> dict[str, object]:
+@train.command()
+def figures(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs, or folders that hold some.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where figure4.svg to figure6.svg go.")] = Path("docs/figures"),
+    as_json: AsJson = False,
+) -> None:
+    """Draw the paper's Figures 4 to 6 from the metrics of runs, with their spread over seeds."""
     from dataclasses import asdict
 
-    return {"start": start, "budget": asdict(budget), "settings": asdict(chosen)}
+    from policies.training.figures import read_traces, write_figures
+
+    rows = [asdict(one) for one in write_figures(read_traces(runs), out)]
+    if as_json:
+        print_json(rows)
+    else:
+        print_table([name.replace("_", " ") for name in rows[0]], [list(row.values()) for row in rows])
 
 
-def _recall(folder: "RunFolder", is_resumed: bool, samples: int | None, minutes: float | None) -> "tuple[Settings, str, Budget]":
-    """Return what the run in a folder was told; a budget that is given anew counts."""
-    from policies.training.run import Budget
-    from policies.training.settings import from_dict
+@contextmanager
+def _telling(what: str, is_first: bool) -> Iterator[Callable[[float, str], None]]:
+    """Show on stderr how a run goes: a bar on a terminal, a plain line now and then elsewhere."""
+    if not is_first:
+        yield lambda progress, text: None
+        return
+    if not sys.stderr.isatty():
+        said_s = [time.monotonic()]
 
-    told = folder.read_settings()
-    budget = Budget(**told["budget"])
-    if is_resumed and (samples is not None or minutes is not None):
-        budget = Budget(samples=samples, minutes=minutes)
-    return from_dict(told["settings"]), told["start"], budget
+        def say(progress: float, text: str) -> None:
+            if time.monotonic() - said_s[0] >= _LINE_EVERY_S or progress >= 1:
+                said_s[0] = time.monotonic()
+                typer.echo(f"{what}: {100 * progress:.0f}%, {text}", err=True)
+
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+    columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda progress, text: bar.update(task, completed=progress, description=text)

@@ -89,6 +89,7 @@ def attend(player: Player, teacher: Teacher, network: TeamNetwork, n_ticks: int,
         taught = np.where(is_legal, taught, Action.STAY).astype(np.int8)
         labels[tick] = np.where(encoded.alive, taught, _NO_LABEL)
         turn = player.step(seen, np.where(is_own, actions, taught), results)
+        player.earn(turn)  # nobody learns from it here, but matches go on into the rollouts, which count from this score
         teacher.start(turn.has_ended)
     flat = (torch.from_numpy(one).flatten(0, 1) for one in (planes, scalars, cell, legal, labels))
     return Lesson(**dict(zip(("planes", "scalars", "cell", "legal", "labels"), flat, strict=True)))

@@ -30,6 +30,17 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
 
+    def refuse_if_taken(self) -> None:
+        """Let no new run begin where there is one.
+
+        Raises
+        ------
+        InputError
+            There is a run in the folder already.
+        """
+        if (self.path / SETTINGS).exists():
+            raise InputError(f"there is a run in {self.path} already; go on with it by --resume, or choose another --out")
+
     def create(self, told: Mapping[str, Any]) -> None:
         """Make the folder of a new run.
 
@@ -38,8 +49,7 @@ class RunFolder:
         InputError
             There is a run in it already, or nothing can be written there.
         """
-        if (self.path / SETTINGS).exists():
-            raise InputError(f"there is a run in {self.path} already; go on with it by --resume, or choose another --out")
+        self.refuse_if_taken()
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:

@@ -9,6 +9,8 @@ import torch
 import torch.distributed as dist
 from torch import Tensor
 
+from arena.errors import InputError
+
 T = TypeVar("T")
 
 
@@ -64,13 +66,26 @@ class Processes:
         return self.gather(value)[0]
 
 
-def join_processes() -> Processes:
-    """Return this process's place among those that torchrun started, connected by gloo; or the only place."""
+def join_processes(device: str = "cpu") -> Processes:
+    """Return this process's place among those that torchrun started; or the only place.
+
+    They are connected by gloo, and where the networks compute on GPUs, one for each process of a machine, also by nccl.
+
+    Raises
+    ------
+    InputError
+        There is no such device.
+    """
+    is_cuda = device.startswith("cuda")
+    if is_cuda and not torch.cuda.is_available():
+        raise InputError("there is no GPU here that torch can use; leave --device out, or install the CUDA build of torch")
     n = int(os.environ.get("WORLD_SIZE", "1"))
     if n == 1:
         return Processes()
+    if is_cuda:
+        torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
     if not dist.is_initialized():
-        dist.init_process_group("gloo")
+        dist.init_process_group("cpu:gloo,cuda:nccl" if is_cuda else "gloo")
     return Processes(dist.get_rank(), n)
 
 

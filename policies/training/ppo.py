@@ -9,21 +9,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from arena.errors import ArenaError
 from policies.learned import CHUNK
 from policies.networks import Critic, TeamNetwork
+from policies.training.gradients import bound_gradients
 from policies.training.parallel import Processes
 from policies.training.rollout import Experience
 from policies.training.settings import Settings
 
 MOST_NORM = 0.5
 """Gradients are cut to this norm."""
-
-
-class TrainingError(ArenaError):
-    """Training cannot go on; what was saved before is good."""
 
 
 class ValueScale:
@@ -193,13 +189,9 @@ class Learner:
         return loss, torch.stack([policy_loss.detach(), value_loss.detach(), entropy.detach(), kl, clipped])
 
     def step(self) -> None:
-        """Average the gradients over the processes, and take a step, if they are finite."""
+        """Average the gradients over the processes, and take a step, if they are sound."""
         self.processes.average_gradients(self.parameters)
-        norm = nn.utils.clip_grad_norm_(self.parameters, MOST_NORM)
-        if not torch.isfinite(norm):
-            raise TrainingError(
-                "the gradient is not finite any more; the last checkpoint is good: lower the rate, and start from it"
-            )
+        bound_gradients(self.parameters, MOST_NORM)
         self.optimiser.step()
         with torch.no_grad():
             for name, tensor in self.network.state_dict().items():

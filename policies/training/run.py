@@ -1,7 +1,7 @@
 """A run of cloning and PPO: from nothing, from a script or from a checkpoint, over as many sittings as it takes.
 
 What was left out, and why: the state of matches is not saved. A run that goes on begins new matches, on maps of their own, which
-costs nothing but the exactness of the sequel; weights, optimiser, former selves and counts are saved every `SAVE_EVERY_S`.
+costs nothing but the exactness of the sequel; weights, optimiser, former selves and counts are saved every half minute.
 """
 
 import math
@@ -23,35 +23,23 @@ from policies.checkpoint import Manifest, load_checkpoint, save_checkpoint, shap
 from policies.features import FEATURES_VERSION
 from policies.learned import as_bf16
 from policies.networks import Critic, TeamNetwork, TeamShape
+from policies.training.budget import Budget
 from policies.training.clone import Teacher, clone
-from policies.training.folder import LAST, START, STEP, RunFolder, open_board
+from policies.training.folder import LAST, START, STEP, RunFolder
 from policies.training.opponents import BEST, PAST, Opponents, Pool
 from policies.training.parallel import Processes
 from policies.training.ppo import Learner, Schedule
+from policies.training.record import Record, Tell
 from policies.training.rollout import Player, Results, collect
 from policies.training.settings import Settings
 
-SAVE_EVERY_S = 30.0
 CLONE = "clone:"
+_FACTS = (
+    "clone_loss", "agreed", "policy_loss", "value_loss", "entropy", "kl", "clipped", "explained", "steps", "rate", "played_share",
+)  # fmt: skip
+"""Columns of the metrics that tell how learning went."""
 _WINDOW = 0.05
 """Weight of the newest rollout in the running scores that metrics and progress show."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Budget:
-    """How long a run goes on, cloning included: until either is used up."""
-
-    samples: int | None = None
-    minutes: float | None = None
-
-    def progress(self, samples: int, seconds: float) -> float:
-        """Return how much is used up; 1 is all."""
-        parts = [0.0]
-        if self.samples is not None:
-            parts.append(samples / self.samples)
-        if self.minutes is not None:
-            parts.append(seconds / 60 / self.minutes)
-        return max(parts)
 
 
 @dataclass(slots=True)
@@ -87,15 +75,15 @@ class Run:
     ----------
     start
         `clone:FIGHTER`, a checkpoint's file, or nothing.
-    told
-        Is called with a line about how the run goes, now and then.
+    tell
+        Is called after each step.
     """
 
     def __init__(
-        self, folder: RunFolder, settings: Settings, start: str, budget: Budget, processes: Processes, told: Callable[[str], None]
+        self, folder: RunFolder, settings: Settings, start: str, budget: Budget, processes: Processes, tell: Tell
     ) -> None:
-        self.folder, self.settings, self.start, self.budget, self.processes, self.told = (
-            folder, settings, start, budget, processes, told,
+        self.folder, self.settings, self.start, self.budget, self.processes, self._tell = (
+            folder, settings, start, budget, processes, tell,
         )  # fmt: skip
         self.ruleset: Ruleset = load_rules(settings.rules)
         if self.ruleset.side % 2 or not self.ruleset.team(Team.BLUE):
@@ -121,8 +109,7 @@ class Run:
         self._player = Player(env, self._opponents)
         self._generator = torch.Generator().manual_seed(self.settings.seed + self.processes.rank + 977 * self.counts.sittings)
         self._rng = np.random.default_rng([self.settings.seed, self.processes.rank, self.counts.sittings])
-        self._board = open_board(self.folder.path) if self.processes.is_first else None
-        self._saved_s = self._now_s = time.monotonic()
+        self._record = Record(self.folder, self.processes, self._tell)
         if self.start.startswith(CLONE) and self.counts.cloned < self.settings.clone_samples:
             self._clone(self.start.removeprefix(CLONE), should_stop)
         self._meet_selves()
@@ -134,12 +121,12 @@ class Run:
     @property
     def progress(self) -> float:
         """How much of the budget is used up; the same in every process."""
-        mine = self.budget.progress(self.counts.cloned + self.counts.samples, self.counts.seconds)
+        mine = self.budget.progress(samples=self.counts.cloned + self.counts.samples, seconds=self.counts.seconds)
         return self.processes.share_first(mine)
 
     def save(self) -> None:
         """Write the weights that play, and the state to go on from."""
-        self._saved_s = time.monotonic()
+        self._record.saved()
         if not self.processes.is_first:
             return
         self._save_weights(LAST)
@@ -203,7 +190,10 @@ class Run:
 
     def _ppo_progress(self) -> float:
         """How much of what cloning left of the budget is used up."""
-        total, cloning = self.progress, self.budget.progress(self.counts.cloned, self.counts.seconds - self.counts.ppo_seconds)
+        total, cloning = (
+            self.progress,
+            self.budget.progress(samples=self.counts.cloned, seconds=self.counts.seconds - self.counts.ppo_seconds),
+        )
         cloning = self.processes.share_first(cloning)
         return min(max((total - cloning) / max(1 - cloning, 1e-9), 0.0), 1.0)
 
@@ -214,8 +204,7 @@ class Run:
 
     def _note(self, stage: str, n: int, facts: dict[str, float], results: Results) -> None:
         """Count, write the metrics, save if it is time, and tell."""
-        now_s = time.monotonic()
-        took_s, self._now_s = now_s - self._now_s, now_s
+        took_s = self._record.lap()
         self.counts.step += 1
         self.counts.seconds += took_s
         if stage == "ppo":
@@ -225,46 +214,24 @@ class Run:
                 weight = 1 - (1 - _WINDOW) ** (len(points) / 4)
                 self.scores[name] = (1 - weight) * self.scores.get(name, 0.5) + weight * float(np.mean(points))
         per_s = n * self.processes.n / max(took_s, 1e-9)
-        if self.processes.is_first:
-            row: dict[str, float | int | str] = {
-                STEP: self.counts.step, "stage": stage, "seconds": self.counts.seconds, "cloned": self.counts.cloned,
-                "samples": self.counts.samples, "per_s": per_s, "selves": len(self.pool.selves),
-                "ticks": float(np.mean(results.ticks)) if results.ticks else math.nan,
-            }  # fmt: skip
-            names = (
-                "clone_loss",
-                "agreed",
-                "policy_loss",
-                "value_loss",
-                "entropy",
-                "kl",
-                "clipped",
-                "explained",
-                "steps",
-                "rate",
-            )
-            row |= {name: facts.get(name, math.nan) for name in (*names, "played_share")}
-            row |= {f"score_{name}": self.scores.get(name, math.nan) for name in sorted(self.settings.opponents)}
-            self.folder.add_metrics(row)
-            self._draw(row)
-        if self._agree(time.monotonic() - self._saved_s > SAVE_EVERY_S):
+        row: dict[str, float | int | str] = {
+            STEP: self.counts.step, "stage": stage, "seconds": self.counts.seconds, "cloned": self.counts.cloned,
+            "samples": self.counts.samples, "per_s": per_s, "selves": len(self.pool.selves),
+            "ticks": float(np.mean(results.ticks)) if results.ticks else math.nan,
+        }  # fmt: skip
+        row |= {name: facts.get(name, math.nan) for name in _FACTS}
+        row |= {f"score_{name}": self.scores.get(name, math.nan) for name in sorted(self.settings.opponents)}
+        self._record.add(row, self.counts.cloned + self.counts.samples)
+        if self._record.is_save_due():
             self.save()
-            self.told(self._describe(stage, per_s, facts))
-
-    def _draw(self, row: Mapping[str, float | int | str]) -> None:
-        if self._board is not None:
-            for name, value in row.items():
-                if isinstance(value, int | float) and math.isfinite(value):
-                    self._board.add_scalar(name, value, self.counts.cloned + self.counts.samples)
+        self._record.tell(self.progress, self.counts.seconds, self._describe(stage, per_s, facts))
 
     def _describe(self, stage: str, per_s: float, facts: Mapping[str, float]) -> str:
-        progress, counts = self.progress, self.counts
-        left_s = counts.seconds / progress * (1 - progress) if progress else math.nan
         if stage == "clone":
             how = f"agrees with the script in {facts['agreed']:.2f}"
         else:
             how = "score " + ", ".join(f"{name} {score:.2f}" for name, score in sorted(self.scores.items()))
-        return f"{stage} {counts.cloned + counts.samples:,} samples, {per_s:,.0f} per s, {left_s / 60:.0f} min left; {how}"
+        return f"{stage} {self.counts.cloned + self.counts.samples:,} samples, {per_s:,.0f} per s; {how}"
 
     def _save_weights(self, name: str) -> None:
         kind, shape = shape_of(self.learner.network)

@@ -1,11 +1,13 @@
-"""What a training run is told: one frozen dataclass, written into the run's folder, never changed after."""
+"""What a run of cloning and PPO is told: one frozen dataclass, written into the run's folder, never changed after."""
 
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any, get_type_hints
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, TypeVar, get_type_hints
 
 from arena.errors import InputError, UnknownNameError
 from arena.game.ruleset import parse_overrides
+
+Kind = TypeVar("Kind")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,17 +77,29 @@ class Settings:
 
 def from_dict(values: dict[str, Any]) -> Settings:
     """Return settings from what a run's folder holds, or a user wrote; an unknown or ill-typed value is an `InputError`."""
-    hints = get_type_hints(Settings)
-    known = [one.name for one in fields(Settings)]
+    return read_values(Settings, values)
+
+
+def read_values(kind: type[Kind], values: Mapping[str, Any]) -> Kind:
+    """Return the settings of a method, checked against its dataclass, whose fields all have defaults.
+
+    Raises
+    ------
+    InputError
+        A value is unknown, or of another type.
+    """
+    hints = get_type_hints(kind)
+    checked = dict(values)
     for name, value in values.items():
-        if name not in known:
-            raise UnknownNameError("setting", name, known)
+        if name not in hints:
+            raise UnknownNameError("setting", name, hints)
         wanted = hints[name]
         if wanted is float and type(value) is int:
-            values[name] = float(value)
-        elif wanted in (int, float, str) and type(value) is not wanted:
-            raise InputError(f"the setting {name} is {value!r}; it must be {'text' if wanted is str else 'a number'}")
-    return replace(Settings(), **values)
+            checked[name] = float(value)
+        elif wanted in (int, float, str, bool) and type(value) is not wanted:
+            expected = {str: "text", bool: "true or false"}.get(wanted, "a number")
+            raise InputError(f"the setting {name} is {value!r}; it must be {expected}")
+    return kind(**checked)
 
 
 def _merged(old: Settings, new: dict[str, Any]) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Every script of ours meets every other, and itself, on random rulesets: each game can be played to its end."""
 
+import os
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -14,19 +15,32 @@ from arena.game.types import Ending, Team
 from arena.games import Games
 from policies import registry
 
-PAIRS = list(combinations_with_replacement(registry.OWN, 2))
+IS_FULL = os.environ.get("ARENA_TEST_SIZE") == "full"
+PAIRS = list(combinations_with_replacement(registry.OWN, 2))[:: 1 if IS_FULL else 6]
 BOARDS = (
-    "F . . # . . . f\n. u . # . . U .\n. . . # . . . .\n. U . . . . u .\n. . . . # . . .\n. . . . # . . .\n. . U . # . . u\n. . . . # . . .",
-    ". U . u\nF . . f\n. . . .\n# . . #",
+    """
+    F . . # . . . f
+    . u . # . . U .
+    . . . # . . . .
+    . U . . . . u .
+    . . . . # . . .
+    . . . . # . . .
+    . . U . # . . u
+    . . . . # . . .""",
+    """
+    . U . u
+    F . . f
+    . . . .
+    # . . #""",
 )
 
 
 @st.composite
 def rulesets(draw: st.DrawFn) -> Ruleset:
-    limit = draw(st.integers(1, 30))
-    combat = draw(st.booleans())
+    limit, combat = draw(st.integers(1, 30)), draw(st.booleans())
     if draw(st.integers(0, 3)) == 0:
-        return Ruleset(name="drawn", board=draw(st.sampled_from(BOARDS)), random_combat=combat, tick_limit=limit, units=_units(0, 0, 0))
+        board = draw(st.sampled_from(BOARDS))
+        return Ruleset(name="drawn", board=board, random_combat=combat, tick_limit=limit, units=_units(0, 0, 0))
     side = 2 * draw(st.one_of(st.integers(4, 10), st.integers(4, 32)))
     n_walkers = draw(st.integers(1, 16 if side >= 20 else 4))
     n_enemies = draw(st.sampled_from([0, 1, n_walkers]))
@@ -41,7 +55,7 @@ def _units(n_walkers: int, n_enemies: int, n_flyers: int) -> tuple[UnitType, ...
 
 
 @pytest.mark.parametrize(("blue", "red"), PAIRS)
-@settings(deadline=None, max_examples=3)
+@settings(deadline=None, max_examples=10 if IS_FULL else 3)
 @given(ruleset=rulesets(), key=st.binary(min_size=32, max_size=32))
 def test_every_two_scripts_play_every_ruleset_to_its_end_without_an_illegal_order(
     blue: str, red: str, ruleset: Ruleset, key: bytes

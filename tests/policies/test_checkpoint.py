@@ -16,7 +16,7 @@ from arena.game.types import Team
 from policies import checkpoint
 from policies.checkpoint import Manifest, load_checkpoint, read_manifest, save_checkpoint, shape_of
 from policies.features import FEATURES_VERSION
-from policies.networks import PaperNetwork, TeamNetwork, TeamShape
+from policies.networks import PaperTeam, TeamNetwork, TeamShape
 from policies.registry import load
 
 PAPER = load_rules("paper")
@@ -128,7 +128,7 @@ def test_a_disk_that_refuses_leaves_what_was_there(saved: Path, monkeypatch: pyt
 @pytest.mark.parametrize("kind", ["team", "paper"])
 @pytest.mark.parametrize("rules", [{}, {"side": 16, "units": {"ugv": {"blue": 2}, "uav": {"blue": 0}}}])
 def test_a_checkpoint_plays_as_any_fighter(tmp_path: Path, kind: str, rules: dict[str, object]) -> None:
-    network = TeamNetwork(SMALL) if kind == "team" else PaperNetwork()
+    network = TeamNetwork(SMALL) if kind == "team" else PaperTeam()
     save_checkpoint(tmp_path / "one.safetensors", network.state_dict(), manifest_of(network))
     ruleset = PAPER.with_(rules)
     env, n_games = BatchedEnv(ruleset, 20, seed=5), 20

@@ -15,18 +15,22 @@ import torch
 from arena.envs.batched import BatchedEnv
 from arena.errors import InputError, UnknownNameError
 from arena.game.ruleset import load as load_rules
+from arena.game.state import Fact
 from arena.game.types import Team
 from policies.checkpoint import load_checkpoint
 from policies.networks import Critic, TeamNetwork, TeamShape
+from policies.training.budget import Budget
 from policies.training.clone import Teacher, attend, study
 from policies.training.folder import LAST, METRICS, START, STATE, RunFolder
+from policies.training.gradients import TrainingError
 from policies.training.opponents import Opponents, Pool, assign
 from policies.training.parallel import Processes
-from policies.training.ppo import Learner, Schedule, TrainingError, estimate
+from policies.training.ppo import Learner, Schedule, estimate
 from policies.training.rollout import Experience, Player, Results, collect
-from policies.training.run import Budget, Run
+from policies.training.run import Run
 from policies.training.settings import Settings, from_dict
 
+torch.set_num_threads(1)  # as `arena train` has it: threads that wait for each other cost more than they bring
 PAPER = load_rules("paper")
 SMALL = TeamShape(channels=8, blocks=1, patch=5, local=8, hidden=16)
 SETTINGS = Settings(
@@ -158,6 +162,20 @@ def test_cloning_brings_the_learner_to_agree_with_the_script() -> None:
     assert agreed[-1] > 0.45 > 0.35 > agreed[0]
 
 
+def test_what_was_scored_while_cloning_is_not_earned_again() -> None:
+    settings = replace(SETTINGS, games=24, opponents={"rush": 1.0})
+    player = make_player(settings)
+    network = TeamNetwork(SMALL).eval()
+    attend(player, Teacher("fighter", player), network, 30, 0.0, np.random.default_rng(0))
+    before = player.env.games.state.fact[:, Fact.SCORE].copy()
+    experience = collect(player, network, 1, Results())
+    after = player.env.games.state.fact[:, Fact.SCORE]
+
+    assert before.any()
+    goes_on = ~experience.has_ended[0].numpy()
+    np.testing.assert_allclose(experience.gain[0].numpy()[goes_on], ((after - before) / 100)[goes_on], atol=1e-6)
+
+
 def test_a_better_self_takes_the_place_of_the_best_only_through_the_gate() -> None:
     weights = {"w": torch.zeros(1)}
     pool = Pool(weights, gate_matches=20, gate_score=0.55)
@@ -195,7 +213,7 @@ def rows_of(folder: Path) -> list[dict[str, str]]:
 
 def start_run(folder: RunFolder, budget: Budget, stop_after: int = 10**9) -> Run:
     asked = iter(range(10**9))
-    run = Run(folder, SETTINGS, "clone:rush", budget, Processes(), lambda _: None)
+    run = Run(folder, SETTINGS, "clone:rush", budget, Processes(), lambda *_: None)
     run.train(lambda: next(asked) >= stop_after)
     return run
 
@@ -209,7 +227,7 @@ def test_a_run_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     kept = first.learner.network.state_dict()
     folder.add_metrics({"step": first.counts.step + 1, "stage": "ppo"})  # of a rollout that a kill took away
 
-    second = Run(folder, SETTINGS, "clone:rush", Budget(samples=700), Processes(), lambda _: None)
+    second = Run(folder, SETTINGS, "clone:rush", Budget(samples=700), Processes(), lambda *_: None)
     assert all(torch.equal(kept[name], one) for name, one in second.learner.network.state_dict().items())
     assert second.train(lambda: False)
 
@@ -243,7 +261,7 @@ def test_a_start_of_another_ruleset_or_shape_is_refused(tmp_path: Path) -> None:
         (replace(SETTINGS, channels=16), "settings ask for"),
     ):
         with pytest.raises(InputError, match=reason):
-            Run(RunFolder(tmp_path / "other"), settings, file, Budget(samples=1), Processes(), lambda _: None)
+            Run(RunFolder(tmp_path / "other"), settings, file, Budget(samples=1), Processes(), lambda *_: None)
 
 
 def test_settings_name_what_is_wrong() -> None:
@@ -274,6 +292,46 @@ def test_two_processes_train_one_network(tmp_path: Path) -> None:
     told = json.loads((tmp_path / "run" / "settings.json").read_text())
     assert told["settings"]["games"] == 8
     assert {row["stage"] for row in rows_of(tmp_path / "run")} == {"clone", "ppo"}
+
+
+RANKS = """
+import sys
+import torch
+sys.path.append({folder!r})
+from test_training import FULL, PAPER, SETTINGS, SMALL, Results, collect, make_learner, make_player, replace
+from policies.training.parallel import join_processes, leave_processes
+
+processes = join_processes()
+settings = replace(SETTINGS, opponents={{"rush": 1.0}})
+def gradients(processes, first, n):
+    learner = make_learner(settings)
+    learner.processes, learner.step = processes, lambda: processes.average_gradients(learner.parameters)
+    experience = collect(make_player(settings, first_row=first, n_rows=n), learner.network.eval(), 6, Results())
+    learner.learn(experience, 4, FULL, torch.Generator().manual_seed(0))
+    return torch.cat([one.grad.flatten() for one in learner.parameters if one.grad is not None])
+
+settings = replace(settings, minibatch=10**9, epochs=1)
+together = gradients(processes, *processes.share(settings.games))
+if processes.is_first:
+    alone = gradients(type(processes)(), 0, settings.games)
+    print("difference", float((together - alone).norm() / alone.norm()), "norm", float(alone.norm()))
+leave_processes()
+"""
+
+
+def test_two_processes_have_the_gradient_of_one(tmp_path: Path) -> None:
+    script = tmp_path / "ranks.py"
+    script.write_text(RANKS.format(folder=str(Path(__file__).parent)))
+    command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", str(script)]
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=300, check=False, env={**os.environ, "OMP_NUM_THREADS": "1"}
+    )
+
+    assert done.returncode == 0, done.stderr
+    told = done.stdout.split()
+    assert float(told[told.index("norm") + 1]) > 1e-3
+    # Parts differ in how many units live, by which each is weighted, and in the order of sums in bf16.
+    assert float(told[told.index("difference") + 1]) < 0.1
 
 
 def test_colours_are_learned_from_alike() -> None:

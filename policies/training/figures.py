@@ -1,0 +1,197 @@
+"""The paper's Figures 4 to 6 from the metrics of runs: score over episodes, the mean of the seeds and the band they lie in."""
+
+import csv
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arena.errors import InputError
+from policies.checkpoint import write_whole
+from policies.training.folder import METRICS, SETTINGS, RunFolder
+from policies.training.line_chart import Curve, draw
+from policies.training.methods import read_order
+from policies.training.reinforce_settings import ReinforceSettings
+
+FIGURES = {
+    "figure4": ("Figure 4: full sight, no enemies", ("exp1",)),
+    "figure5": ("Figure 5: full sight, enemies", ("exp2",)),
+    "figure6": ("Figure 6: enemies in fog, without and with UAVs", ("exp3", "exp4")),
+}
+"""File, title and rulesets of each figure. The paper's Table 4 has lost its cells, and its Figure 6 does not say whether UAVs are
+in it, so both are shown."""
+CONVERGED_EPISODES, CONVERGED_POINTS = 2_000, 2.0
+"""A run has converged when its mean score over its newest `CONVERGED_EPISODES` differs from that over as many before them by less
+than `CONVERGED_POINTS`, of 200 that there are."""
+_SMOOTH = 500
+"""Episodes of the running mean that a curve shows."""
+_N_POINTS = 150
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trace:
+    """What one run's metrics tell."""
+
+    rules: str
+    seed: int
+    reading: str
+    """Settings that are not the paper's."""
+    episodes: NDArray[np.float64]
+    """Shape (rounds,): matches played up to each."""
+    score: NDArray[np.float64]
+    """Shape (rounds,): mean final score of blue in each."""
+    captures: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """How the seeds of one stage and one reading ended."""
+
+    rules: str
+    reading: str
+    seeds: int
+    episodes: int
+    """Of the shortest run."""
+    first_score: float
+    """Over the first `_SMOOTH` episodes."""
+    best_score: float
+    """The most that the mean curve reaches."""
+    last_score: float
+    """Over the newest `CONVERGED_EPISODES`."""
+    last_low: float
+    """The lowest of the seeds."""
+    last_high: float
+    captures: float
+    """Over the newest `CONVERGED_EPISODES`."""
+    converged: int
+    """Seeds that have converged."""
+
+
+def read_traces(folders: Sequence[Path]) -> list[Trace]:
+    """Return what runs of the paper's method tell; a folder is a run's, or holds runs.
+
+    Raises
+    ------
+    InputError
+        A folder holds none, or a run's metrics cannot be read.
+    """
+    traces = []
+    for folder in folders:
+        found = sorted(file.parent for file in folder.glob(f"**/{SETTINGS}"))
+        mine = [trace for run in found for trace in _read_run(run)]
+        if not mine:
+            raise InputError(f"{folder} holds no run of the method reinforce that has metrics")
+        traces += mine
+    return traces
+
+
+def _read_run(path: Path) -> Iterator[Trace]:
+    settings = read_order(RunFolder(path).read_settings()).settings
+    if not isinstance(settings, ReinforceSettings) or not (path / METRICS).exists():
+        return
+    with (path / METRICS).open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    try:
+        columns = {name: np.array([float(row[name]) for row in rows]) for name in ("episodes", "score", "captures")}
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"cannot read {path / METRICS}: a row lacks episodes, score or captures") from error
+    if rows:
+        yield Trace(rules=settings.rules, seed=settings.seed, reading=_reading(settings), **columns)
+
+
+def _reading(settings: ReinforceSettings) -> str:
+    """Return what departs from the paper, in words."""
+    usual = ReinforceSettings()
+    names = [field.name for field in fields(settings) if field.name not in ("seed", "rules")]
+    changed = [f"{name}={getattr(settings, name)}" for name in names if getattr(settings, name) != getattr(usual, name)]
+    return ", ".join(changed) or "as in the paper"
+
+
+def group(traces: Sequence[Trace]) -> dict[tuple[str, str], list[Trace]]:
+    """Return the runs of each stage and reading, seed by seed.
+
+    Raises
+    ------
+    InputError
+        Two runs of one stage, reading and seed: their spread would be no spread over seeds.
+    """
+    groups: dict[tuple[str, str], list[Trace]] = defaultdict(list)
+    for trace in sorted(traces, key=lambda one: (one.rules, one.reading, one.seed)):
+        mine = groups[trace.rules, trace.reading]
+        if mine and mine[-1].seed == trace.seed:
+            raise InputError(f"two runs of {trace.rules} ({trace.reading}) have seed {trace.seed}; show one of them")
+        mine.append(trace)
+    return groups
+
+
+def curve(label: str, runs: Sequence[Trace]) -> Curve:
+    """Return the mean of the seeds and the band that they lie in, as far as all of them go."""
+    last = min(float(run.episodes[-1]) for run in runs)
+    x = np.linspace(0, last, _N_POINTS + 1)[1:]
+    lines = np.array([[_mean_until(run, run.score, at, _SMOOTH) for at in x] for run in runs])
+    return Curve(label=label, x=x, low=lines.min(0), middle=lines.mean(0), high=lines.max(0))
+
+
+def summarise(runs: Sequence[Trace]) -> Summary:
+    """Return how the seeds of one stage and reading ended."""
+    last = [_mean_until(run, run.score, run.episodes[-1], CONVERGED_EPISODES) for run in runs]
+    line = curve("", runs)
+    return Summary(
+        rules=runs[0].rules, reading=runs[0].reading, seeds=len(runs), episodes=int(min(run.episodes[-1] for run in runs)),
+        first_score=_rounded([_mean_until(run, run.score, _SMOOTH, _SMOOTH) for run in runs]),
+        best_score=round(float(line.middle.max()), 2), last_score=_rounded(last), last_low=round(min(last), 2),
+        last_high=round(max(last), 2),
+        captures=_rounded([_mean_until(run, run.captures, run.episodes[-1], CONVERGED_EPISODES) for run in runs]),
+        converged=sum(map(has_converged, runs)),
+    )  # fmt: skip
+
+
+def has_converged(run: Trace) -> bool:
+    """Whether a run has converged, as defined above, before anything was run."""
+    end = float(run.episodes[-1])
+    if end < 2 * CONVERGED_EPISODES:
+        return False
+    newest, before = (_mean_until(run, run.score, end - ago, CONVERGED_EPISODES) for ago in (0, CONVERGED_EPISODES))
+    return abs(newest - before) < CONVERGED_POINTS
+
+
+def write_figures(traces: Sequence[Trace], out: Path) -> list[Summary]:
+    """Draw every figure that there are runs for, and what they say as figures.json; return that.
+
+    Raises
+    ------
+    ArenaError
+        A file cannot be written.
+    """
+    groups = group(traces)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {out}: {error.strerror}") from error
+    for name, (title, rulesets) in FIGURES.items():
+        curves = [
+            curve(f"{rules}, {reading}, {len(runs)} {'seed' if len(runs) == 1 else 'seeds'}", runs)
+            for (rules, reading), runs in groups.items()
+            if rules in rulesets
+        ]
+        if curves:
+            text = draw(title, "episodes", "score of the team that learns", curves, (-100, 100))
+            write_whole(out / f"{name}.svg", text.encode())
+    summaries = [summarise(runs) for runs in groups.values()]
+    facts = [{field.name: getattr(one, field.name) for field in fields(one)} for one in summaries]
+    write_whole(out / "figures.json", json.dumps(facts, indent=2).encode() + b"\n")
+    return summaries
+
+
+def _mean_until(run: Trace, values: NDArray[np.float64], end: float, window: int) -> float:
+    """Return the mean over the `window` episodes that end with `end`; of the round nearest to it where there are none."""
+    rows = (run.episodes <= end) & (run.episodes > end - window)
+    return float(values[rows].mean() if rows.any() else values[np.abs(run.episodes - end).argmin()])
+
+
+def _rounded(values: Sequence[float]) -> float:
+    return round(float(np.mean(values)), 2)

@@ -1,0 +1,93 @@
+"""What a run of the paper's method is told: Table 3, and a switch wherever the paper can be read in more than one way."""
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from arena.errors import InputError
+from arena.game.ruleset import parse_overrides
+from policies.checkpoint import MOST_AGENTS
+from policies.first_person import WINDOW
+from policies.training.settings import read_values
+
+SELF = "self"
+READINGS = {
+    "policies": ("shared", "each"),
+    "reward": ("terminal", "stream", "differences"),
+    "baseline": ("none", "mean"),
+    "optimiser": ("adam", "ascent"),
+}
+"""The switches that are words, and the words that each takes; the first is the default."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReinforceSettings:
+    """Every number and every reading; `policies.training.reinforce` says where each stands in the paper."""
+
+    seed: int = 1
+    rules: str = "exp1"
+    gamma: float = 0.98
+    rate: float = 1e-4
+    update_every: int = 10
+    """Matches between two updates, over all processes; the policy stands still in them."""
+    buffer: int = 50_000
+    """Samples of replay, over all processes: one is a tick of one unit."""
+    batch: int = 2_000
+    updates: int = 1
+    """Batches drawn, and steps taken, per update."""
+    policies: str = "shared"
+    reward: str = "terminal"
+    discount_steps: bool = True
+    """Whether a step counts gamma^t times, as Algorithm 1 has it and most implementations have not."""
+    importance: float = 0.0
+    """The most that an importance weight may be; 0 leaves the weights out."""
+    baseline: str = "none"
+    normalise: bool = False
+    """Whether returns are divided by their standard deviation in the batch."""
+    optimiser: str = "adam"
+    entropy: float = 0.0
+    """Weight of the policy's entropy; the paper has none."""
+    opponent: str = SELF
+    """`self`, which is the policy as it stood at the last update, or a fighter as `arena play` takes it."""
+    window: int = WINDOW
+    """Side of a unit's view, in cells."""
+    bf16: bool = True
+    """Whether the network computes in bf16, where that is faster."""
+
+    def __post_init__(self) -> None:
+        for name, words in READINGS.items():
+            if getattr(self, name) not in words:
+                raise InputError(f"the setting {name} is {getattr(self, name)!r}; it must be one of {', '.join(words)}")
+        for name, least in {"update_every": 1, "buffer": 1, "batch": 2, "updates": 1, "window": 7}.items():
+            if getattr(self, name) < least:
+                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least {least}")
+        for name, most in {"gamma": 1.0, "rate": 1.0}.items():
+            if not 0 < getattr(self, name) <= most:
+                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be above 0, and {most:g} at most")
+        for name in ("importance", "entropy"):
+            if not 0 <= getattr(self, name) < float("inf"):
+                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be 0 or more")
+
+    def with_(self, assignments: Iterable[str]) -> "ReinforceSettings":
+        """Return a copy with values such as "reward=stream" replaced."""
+        return from_dict({**asdict(self), **parse_overrides(map(_quoted, assignments))})
+
+    def agents(self, n_units: int) -> int:
+        """Return how many policies a team of `n_units` has."""
+        if self.policies == "shared":
+            return 1
+        if n_units > MOST_AGENTS:
+            raise InputError(f"policies=each takes teams of {MOST_AGENTS} units at most, not of {n_units}")
+        return n_units
+
+
+def _quoted(assignment: str) -> str:
+    """Return an assignment whose value is a word as TOML has it, so that nobody needs quotes within quotes."""
+    name, _, value = assignment.partition("=")
+    is_word = value.strip().isidentifier() and value.strip() not in ("true", "false")
+    return f'{name}="{value.strip()}"' if is_word else assignment
+
+
+def from_dict(values: dict[str, Any]) -> ReinforceSettings:
+    """Return settings from what a run's folder holds, or a user wrote; an unknown or ill-typed value is an `InputError`."""
+    return read_values(ReinforceSettings, values)

@@ -1,0 +1,122 @@
+"""Play some matches to their ends with one policy, and split what happened into the trajectories of the units.
+
+Source: paper, Algorithm 1, "Generate trajectory", "Split". Blue learns; planes know only own and enemy, so nothing is lost.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from arena.envs.batched import BatchedEnv
+from arena.game.types import Action, Code, Ending, Team
+from arena.observation import Observations
+from arena.policy import BatchPolicy
+from policies.features import mirror
+from policies.first_person import FirstPerson
+from policies.learned import choose, infer_units
+from policies.networks import N_ACTIONS, PaperTeam
+from policies.training.reinforce import credit
+from policies.training.reinforce_settings import ReinforceSettings
+from policies.training.replay import Samples
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Outcome:
+    """How the matches of a round went, one entry each."""
+
+    score: NDArray[np.float64]
+    """Blue's final score, -100 to 100: the performance of the paper's Figures 4 to 6."""
+    is_won: NDArray[np.bool_]
+    is_captured: NDArray[np.bool_]
+    """Whether blue took the flag."""
+    ticks: NDArray[np.int64]
+    seen: NDArray[np.float64]
+    """Mean share of the board that blue had in sight."""
+
+
+class Stage:
+    """The board on which rounds are played: rows of matches, a view for each unit, and an opponent.
+
+    Parameters
+    ----------
+    opponent
+        Plays red, or None where red has no units.
+    """
+
+    def __init__(self, env: BatchedEnv, opponent: BatchPolicy | None, settings: ReinforceSettings) -> None:
+        ruleset = env.ruleset
+        self.env, self.opponent, self._settings = env, opponent, settings
+        flies = np.array([unit.flies for unit in ruleset.team(Team.BLUE)], np.uint8)
+        self._views = FirstPerson(Team.BLUE, ruleset.side, flies, env.n_games, settings.window)
+        self._orders = {team: np.zeros((env.n_games, len(ruleset.team(team))), np.int8) for team in Team}
+
+    def play(self, network: PaperTeam, update: int) -> tuple[Samples, Outcome]:
+        """Play one match in every row, from its first tick to its last, with one policy throughout.
+
+        A row whose match has ended waits for the others: what follows in it is not part of the round.
+
+        Parameters
+        ----------
+        update
+            Updates that the policy has behind it; the matches of a round depend on this number, and on those before in nothing.
+        """
+        env, n_games = self.env, self.env.n_games
+        env.skip_to(np.full(n_games, update, np.int64))
+        if self.opponent is not None:
+            self.opponent.start(np.arange(n_games))
+        is_playing = np.ones(n_games, np.bool_)
+        ticks: list[Samples] = []
+        where: list[NDArray[np.intp]] = []
+        scores: list[NDArray[np.int32]] = []
+        length, seen_share = np.zeros(n_games, np.int64), np.zeros(n_games)
+        is_won, is_captured = np.zeros((2, n_games), np.bool_)
+        while is_playing.any():
+            seen = env.observe()
+            seen_share += is_playing * (seen[Team.BLUE].ground[:, : env.ruleset.side**2] != Code.HIDDEN).mean(1)
+            samples, rows = self._decide(network, seen, is_playing, len(ticks), update)
+            ticks.append(samples)
+            where.append(rows)
+            turn = env.step(self._orders)
+            scores.append(np.where(is_playing, turn.score, 0).astype(np.int32))
+            ends = is_playing & turn.has_ended
+            length[ends] = turn.ticks[ends]
+            is_won |= ends & (turn.winner == Team.BLUE)
+            is_captured |= ends & (turn.winner == Team.BLUE) & (turn.ending == Ending.CAPTURE)
+            is_playing &= ~turn.has_ended
+            if self.opponent is not None:
+                self.opponent.start(np.flatnonzero(turn.has_ended))
+        stream = np.array(scores, np.float64)
+        returned = credit(stream, length, self._settings.reward, self._settings.gamma)
+        whole = Samples(*(torch.cat(parts) for parts in zip(*ticks, strict=True)))
+        each = np.concatenate([returned[tick, rows] for tick, rows in enumerate(where)]).astype(np.float32)
+        outcome = Outcome(
+            score=stream[length - 1, np.arange(n_games)], is_won=is_won, is_captured=is_captured, ticks=length,
+            seen=seen_share / length,
+        )  # fmt: skip
+        return whole._replace(returned=torch.from_numpy(each)), outcome
+
+    def _decide(
+        self, network: PaperTeam, seen: dict[Team, Observations], is_playing: NDArray[np.bool_], tick: int, update: int
+    ) -> tuple[Samples, NDArray[np.intp]]:
+        """Write all orders of a tick; return what the living units of rows that play saw and did, and the row of each."""
+        blue, orders = seen[Team.BLUE], self._orders[Team.BLUE]
+        views = self._views.cut(blue)
+        rows, units = np.nonzero((blue.alive > 0) & is_playing[:, None])
+        mine, unit = torch.from_numpy(views[rows, units]), torch.from_numpy(units.astype(np.int64))
+        logits = np.zeros((*orders.shape, N_ACTIONS), np.float32)
+        logits[rows, units] = infer_units(network, mine, unit)
+        actions = np.full(orders.shape, Action.STAY, np.int8)
+        choose(logits, np.ascontiguousarray(blue.seed), actions)
+        orders[:] = np.where(self._views.is_turned[:, None].astype(np.bool_), mirror(actions), actions)
+        if self.opponent is not None:
+            self.opponent.act(seen[Team.RED], self._orders[Team.RED])
+        action = torch.from_numpy(actions[rows, units].astype(np.int64))
+        logp = torch.from_numpy(logits[rows, units]).log_softmax(-1).gather(1, action[:, None]).squeeze(1)
+        n = len(rows)
+        samples = Samples(
+            views=mine, unit=unit, action=action, logp=logp, tick=torch.full((n,), tick), returned=torch.zeros(n),
+            update=torch.full((n,), update),
+        )  # fmt: skip
+        return samples, rows

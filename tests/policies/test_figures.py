@@ -1,0 +1,124 @@
+"""Figures from metrics: means over seeds and their spread, when a run has converged, and charts that are well-formed."""
+
+import csv
+import json
+import xml.etree.ElementTree as ElementTree
+from dataclasses import asdict, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arena.errors import InputError
+from policies.training.budget import Budget
+from policies.training.figures import Trace, curve, group, has_converged, read_traces, summarise, write_figures
+from policies.training.folder import METRICS, RunFolder
+from policies.training.line_chart import ticks
+from policies.training.reinforce_settings import ReinforceSettings
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def leave_run(path: Path, rules: str, seed: int, score: list[float], **changes: object) -> Path:
+    """Leave the folder of a run of 10 episodes a round."""
+    folder = RunFolder(path)
+    settings = replace(ReinforceSettings(rules=rules, seed=seed), **changes)
+    folder.create({"method": "reinforce", "start": "", "budget": asdict(Budget()), "settings": asdict(settings)})
+    with (path / METRICS).open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["step", "episodes", "score", "captures"])
+        writer.writerows([number + 1, 10 * (number + 1), value, 0.5] for number, value in enumerate(score))
+    return path
+
+
+def trace(score: list[float], seed: int = 1) -> Trace:
+    values = np.array(score)
+    episodes = 10.0 * np.arange(1, len(score) + 1)
+    return Trace(rules="exp1", seed=seed, reading="as in the paper", episodes=episodes, score=values, captures=values / 100)
+
+
+def test_a_curve_is_the_mean_of_the_seeds_in_the_band_of_the_least_and_the_most() -> None:
+    line = curve("", [trace([0.0] * 600), trace([30.0] * 600, 2), trace([60.0] * 500, 3)])
+
+    assert line.x[-1] == 5_000  # as far as the shortest goes
+    np.testing.assert_allclose(line.low, 0)
+    np.testing.assert_allclose(line.middle, 30)
+    np.testing.assert_allclose(line.high, 60)
+
+
+def test_a_point_of_a_curve_is_the_mean_of_the_episodes_before_it() -> None:
+    line = curve("", [trace([float(number >= 100) for number in range(200)])])
+
+    at = dict(zip(line.x.tolist(), line.middle.tolist(), strict=True))
+    assert at[1_000] == 0
+    assert at[1_200] == pytest.approx(0.4)  # 200 of the newest 500 episodes
+    assert at[2_000] == 1
+
+
+@pytest.mark.parametrize(("score", "is_converged"), [
+    ([10.0] * 200 + [11.9] * 200, True), ([10.0] * 200 + [12.1] * 200, False), ([10.0] * 399, False),
+    ([-50.0] * 300 + [10.0] * 400, True),
+])  # fmt: skip
+def test_a_run_has_converged_when_4000_episodes_hardly_differ(score: list[float], is_converged: bool) -> None:
+    assert has_converged(trace(score)) == is_converged
+
+
+def test_a_summary_tells_begin_best_and_end(tmp_path: Path) -> None:
+    found = summarise([trace([0.0] * 50 + [80.0] * 100 + [40.0] * 400), trace([0.0] * 50 + [80.0] * 100 + [44.0] * 400, 2)])
+
+    assert (found.seeds, found.episodes, found.converged) == (2, 5_500, 2)
+    assert (found.first_score, found.best_score, found.last_score) == (0, 80, 42)
+    assert (found.last_low, found.last_high) == (40, 44)
+
+
+def test_every_figure_is_drawn_from_the_runs_of_its_stages(tmp_path: Path) -> None:
+    for rules in ("exp1", "exp3", "exp4"):
+        for seed in (1, 2, 3):
+            leave_run(tmp_path / "runs" / f"{rules}-{seed}", rules, seed, [seed * 10.0] * 100)
+    leave_run(tmp_path / "runs" / "stream", "exp1", 1, [70.0] * 100, reward="stream")
+
+    summaries = write_figures(read_traces([tmp_path / "runs"]), tmp_path / "out")
+
+    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["figure4.svg", "figure6.svg", "figures.json"]
+    tree = ElementTree.parse(tmp_path / "out" / "figure4.svg")
+    texts = [one.text for one in tree.iter(f"{SVG}text")]
+    assert "exp1, as in the paper, 3 seeds" in texts
+    assert "exp1, reward=stream, 1 seed" in texts
+    assert "exp3, as in the paper, 3 seeds" not in texts
+    told = json.loads((tmp_path / "out" / "figures.json").read_text())
+    assert [(one["rules"], one["last_low"], one["last_high"]) for one in told if one["seeds"] == 3] == [
+        (rules, 10.0, 30.0) for rules in ("exp1", "exp3", "exp4")
+    ]
+    assert len(summaries) == 4
+
+
+def test_higher_scores_stand_higher(tmp_path: Path) -> None:
+    leave_run(tmp_path / "run", "exp1", 1, [-100.0] * 100 + [100.0] * 200)
+    write_figures(read_traces([tmp_path]), tmp_path / "out")
+    lines = ElementTree.parse(tmp_path / "out" / "figure4.svg").iter(f"{SVG}path")
+    drawn = next(one.get("d", "") for one in lines if one.get("fill") == "none")
+    points = [tuple(map(float, point.split())) for point in drawn.removeprefix("M").split(" L")]
+
+    assert points[0][0] < points[-1][0]
+    assert points[0][1] > points[-1][1]
+
+
+def test_what_is_no_run_and_a_seed_that_comes_twice_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no run"):
+        read_traces([tmp_path])
+    with pytest.raises(InputError, match="seed 1"):
+        group([trace([1.0]), trace([2.0])])
+    leave_run(tmp_path / "run", "exp1", 1, [1.0])
+    (tmp_path / "run" / METRICS).write_text("step,episodes\n1,10\n")
+    with pytest.raises(InputError, match="cannot read"):
+        read_traces([tmp_path])
+
+
+@pytest.mark.parametrize(("low", "high"), [(-100, 100), (0, 20_000), (0, 7), (0, 0.3), (0, 2_890)])
+def test_ticks_are_round_few_and_within(low: float, high: float) -> None:
+    found = ticks(low, high)
+
+    assert 3 <= len(found) <= 10
+    assert low <= found[0] <= found[-1] <= high
+    assert len({round(after - before, 6) for before, after in pairwise(found)}) == 1
