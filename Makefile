@@ -34,10 +34,10 @@ check: $(READY) ## ruff, mypy and lint-imports
 	$(BIN)/lint-imports --no-logo
 
 test: check ## check, then pytest; sizes that take minutes at most
-	$(BIN)/pytest -n auto
+	$(BIN)/pytest -n auto --dist worksteal
 
 test-full: check ## the same with the sizes that a claim needs
-	ARENA_TEST_SIZE=full $(BIN)/pytest -n auto
+	ARENA_TEST_SIZE=full $(BIN)/pytest -n auto --dist worksteal
 
 format: $(READY) ## let ruff rewrite the sources
 	$(BIN)/ruff check --fix .

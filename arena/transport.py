@@ -27,7 +27,7 @@ Sample = zenoh.Sample
 _WAIT_BEFORE_CLOSE_US = 50_000
 _BATCHES = 16
 """In the queue of each peer: the most that Zenoh allows, so that a peer that waits for a busy core is not cut off."""
-_OPEN_TIMEOUT_MS = 3_000
+_OPEN_TIMEOUT_MS = 6_000
 _MOST_WIRE_BYTES = MOST_BYTES + 4_000
 """Of a message and its frame, put together from fragments; a longer one is dropped, and its sender stays connected."""
 

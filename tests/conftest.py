@@ -1,12 +1,17 @@
 """How large the tests are: ARENA_TEST_SIZE=small (default) or full, as `make test-full` sets it."""
 
 import os
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from arena.cli import main
+from policies.believing import BelievingPolicy
+from policies.registry import OWN, load
 
 SIZES = {"small": 40, "full": 1_000}
 SIZE = os.environ.get("ARENA_TEST_SIZE", "small")
@@ -19,6 +24,35 @@ for name, max_examples in SIZES.items():
         name, max_examples=max_examples, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
     )
 settings.load_profile(SIZE)
+
+
+COMPILE = """
+import sys
+from arena.game.keys import secret_from_seed
+from arena.game.ruleset import load as load_rules
+from arena.games import warm as warm_games
+from arena.referee.local import play_batch
+from clients.warm import warm
+from policies.registry import load
+from tournaments.fixture import plan_fixture
+for name in sys.argv[1:]:
+    fighter = load(name)
+    warm(fighter)
+    if name == "random":
+        warm_games(load_rules("paper"))
+        list(play_batch(load_rules("paper"), plan_fixture("warm", name, name, 1, secret_from_seed(1))[:1], fighter, fighter))
+"""
+"""`random`, the simplest, is compiled together with the game."""
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile the kernels once, before several workers and all their processes do so at the same time."""
+    if hasattr(session.config, "workerinput") or not getattr(session.config.option, "numprocesses", None):
+        return
+    believing = [name for name in OWN if issubclass(load(name), BelievingPolicy)]  # those have the most to compile
+    halves = [name for name in OWN if name not in believing], believing
+    processes = [subprocess.Popen([sys.executable, "-c", COMPILE, *names]) for names in halves]
+    assert [process.wait() for process in processes] == [0, 0]
 
 
 @pytest.fixture(scope="session")
@@ -42,3 +76,30 @@ def arena() -> Callable[..., subprocess.CompletedProcess[str]]:
 def config_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """Keep a test's keys, and the pits that it trusts, away from the user's and from other tests'."""
     monkeypatch.setenv("ARENA_CONFIG", str(tmp_path_factory.mktemp("config")))
+
+
+@pytest.fixture
+def here(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Callable[..., subprocess.CompletedProcess[str]]]:
+    """Run the command line as `arena` does, but in this process: nothing is started and imported anew for it."""
+    handler = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(sys, "path", list(sys.path))  # a bot adds its folder
+
+    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+        command = ["arena", *map(str, arguments)]
+        monkeypatch.setattr(sys, "argv", command)
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as left:
+            main()
+        said = capfd.readouterr()
+        return subprocess.CompletedProcess(command, int(left.value.code or 0), said.out, said.err)
+
+    yield run
+    signal.signal(signal.SIGTERM, handler)
+
+
+@pytest.fixture
+def one_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the local venue find one core, and so play in this process: where workers are not the point, they need not start."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})

@@ -69,7 +69,7 @@ def test_help_names_every_command_with_a_line_about_it(arena: Run) -> None:
 
     for point in entry_points(group="arena.commands"):
         command = point.load()
-        about = command.info.help if isinstance(command, typer.Typer) else command.__doc__
+        about = typer.main.get_command(command).help if isinstance(command, typer.Typer) else command.__doc__
         assert f" {point.name} " in text
         assert about
         assert about.split("\n")[0][:30] in text

@@ -42,6 +42,8 @@ def image(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         "PATH": f"{shim.parent}:{os.environ['PATH']}",
         "PYTHONPATH": str(site),
         "NUMBA_CACHE_DIR": str(kernels),
+        "NUMBA_OPT": "1",  # that the kernels compile is looked at, and not how quick they are
+        "NUMBA_LOOP_VECTORIZE": "0",
         "HOME": str(kernels),
     }
 

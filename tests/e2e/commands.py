@@ -7,12 +7,18 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import pytest
+from nursery import Born, Nursery, environment
+from typer.testing import CliRunner
 
+from arena.cli import app
+
+ARENA = "from arena.cli import main; main()"
 PATIENCE_S = 60.0
 """Several test processes share few cores; what is well ends long before."""
 
@@ -20,15 +26,23 @@ PATIENCE_S = 60.0
 class Command:
     """A process, and what it has said so far."""
 
-    def __init__(self, code: str, arguments: tuple[object, ...]) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", code, *map(str, arguments)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
-            text=True,
-            env={**os.environ, "PYTHONUNBUFFERED": "1"},
-        )
+    def __init__(self, code: str, arguments: tuple[object, ...], nursery: Nursery | None = None) -> None:
+        """Start Python, as an interpreter of its own where no nursery is given."""
+        reads, writes = os.pipe()
+        self._said = open(reads)  # noqa: PTH123, SIM115  # a pipe, which close() closes
+        words = tuple(map(str, arguments))
+        self.process: Born | subprocess.Popen[bytes]
+        if nursery is not None:
+            self.process = nursery.start(code, words, writes, writes)
+        else:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", code, *words],
+                stdout=writes,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                env=environment(),
+            )
+        os.close(writes)
         self._lines: list[str] = []
         self._changed = threading.Condition()
         self._is_silent = False
@@ -36,8 +50,7 @@ class Command:
         self._reader.start()
 
     def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
+        for line in self._said:
             with self._changed:
                 self._lines.append(line)
                 self._changed.notify_all()
@@ -79,8 +92,17 @@ class Command:
         self.process.kill()
         self.process.wait()
         self._reader.join(PATIENCE_S)
-        if self.process.stdout is not None:
-            self.process.stdout.close()
+        self._said.close()
+
+
+def run_here(*arguments: object) -> None:
+    """Run a command that must go well in this process and on one core: what a test needs, and is not about."""
+    handler = signal.getsignal(signal.SIGTERM)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "sched_getaffinity", lambda _: {0})
+        done = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    signal.signal(signal.SIGTERM, handler)
+    assert done.exit_code == 0, done.output
 
 
 @pytest.fixture
@@ -91,17 +113,66 @@ def port() -> int:
         return int(probe.getsockname()[1])
 
 
-@pytest.fixture
-def start() -> Iterator[Callable[..., Command]]:
-    """Start `arena` with some arguments, or with `code=` any Python; whatever still runs is ended with the test."""
+@contextmanager
+def starting(nursery: Nursery | None) -> Iterator[Callable[..., Command]]:
+    """Start `arena` with some arguments, or with `code=` any Python in an interpreter of its own; end what still runs."""
     with ExitStack() as running:
 
-        def begin(*arguments: object, code: str = "from arena.cli import main; main()") -> Command:
-            command = Command(code, arguments)
+        def begin(*arguments: object, code: str = "") -> Command:
+            command = Command(code, arguments) if code else Command(ARENA, arguments, nursery)
             running.callback(command.close)
             return command
 
         yield begin
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., Command]]:
+    """Start `arena` in interpreters of their own."""
+    with starting(None) as begin:
+        yield begin
+
+
+@pytest.fixture(scope="session")
+def nursery() -> Iterator[Nursery]:
+    """Keep one process from which others are quickly started."""
+    kept = Nursery()
+    yield kept
+    kept.close()
+
+
+@pytest.fixture
+def quick_start(nursery: Nursery) -> Iterator[Callable[..., Command]]:
+    """Start `arena` from the nursery."""
+    with starting(nursery) as begin:
+        yield begin
+
+
+@pytest.fixture(scope="module")
+def shared_start(nursery: Nursery, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Command]]:
+    """Start what the tests of a module share, away from the user's keys."""
+    with pytest.MonkeyPatch.context() as patch, starting(nursery) as begin:
+        patch.setenv("ARENA_CONFIG", str(tmp_path_factory.mktemp("config")))
+        yield begin
+
+
+@pytest.fixture(scope="session")
+def quick_arena(nursery: Nursery) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run the command line from the nursery: `arena("rules", "paper")`."""
+
+    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+        words = tuple(map(str, arguments))
+        with TemporaryFile() as out, TemporaryFile() as err:
+            process = nursery.start(ARENA, words, out.fileno(), err.fileno())
+            try:
+                code = process.wait(300)
+            finally:
+                process.kill()
+            out.seek(0)
+            err.seek(0)
+            return subprocess.CompletedProcess(words, code, out.read().decode(), err.read().decode())
+
+    return run
 
 
 @pytest.fixture

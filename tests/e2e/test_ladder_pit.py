@@ -65,12 +65,12 @@ def test_a_killed_pit_goes_on_with_the_same_ratings_and_counts_no_result_twice(
 ) -> None:
     pit = serve("--ladder", "--grace", 60)
     clients = [enter(name) for name in ENTRIES]
-    pit.wait_for("pit/ladder/000007/")
+    pit.wait_for("pit/ladder/000004/")
     pit.kill()
     before = read_rows(tmp_path)
 
     pit = serve("--ladder", "--grace", 60)
-    pit.wait_for("pit/ladder/000015/")
+    pit.wait_for("pit/ladder/000010/")
     for client in clients:
         client.wait_for("match ")
     with open_client(f"tcp/127.0.0.1:{port}") as session:

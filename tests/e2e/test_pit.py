@@ -187,7 +187,7 @@ def test_a_match_that_outlasts_a_stopped_pit_is_finished_by_the_next(serve: Star
 
 
 def test_a_match_whose_clients_were_both_killed_ends_by_rule(serve: Start, join: Start, tmp_path: Path) -> None:
-    pit = serve("--matches", 1, "--grace", 3, "--turn-time", 60)
+    pit = serve("--matches", 1, "--grace", 1, "--turn-time", 60)
     bot = write_bot(tmp_path, stop_at=3)
     players = [join("--team", "red", "--policy", "defend"), join("--team", "blue", "--policy", bot).wait_for("thinking at 3")]
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from chromium import browser, says, visit
+from commands import run_here
 
 from arena.transport import free_port
 
@@ -34,11 +35,11 @@ LEAGUE = 'pairs = 1\nseed = 3\n[rules]\nside = 10\ntick_limit = 20\n[entries]\nr
 
 
 @pytest.fixture
-def home(serve: Start, join: Start, arena: Start, tmp_path: Path) -> str:
+def home(serve: Start, join: Start, tmp_path: Path) -> str:
     """Open a pit with its page, play a league and a match of the ladder; return where the page is."""
     league, page_port = tmp_path / "friday.toml", free_port()
     league.write_text(LEAGUE)
-    assert arena("tournament", "run", league, "--data", tmp_path).returncode == 0
+    run_here("tournament", "run", league, "--data", tmp_path)
     pit = serve("--web", page_port, "--ladder", "--turn-time", 60).wait_for("web page at ")
     players = [join("--policy", "rush", "--name", name) for name in ("ann", "bob")]
     assert [player.finish() for player in players] == [0, 0]

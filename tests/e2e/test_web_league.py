@@ -1,14 +1,16 @@
 """Leagues in the browser: the leaderboard is sorted, a cell leads to its replays, and a replay that does not hold says where."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from chromium import browser, says, visit
+from commands import run_here
 
 from arena.records.journal import load_journal
+from arena.transport import free_port
 
 __all__ = ["browser", "visit"]
 
@@ -27,20 +29,33 @@ random = "random"
 """
 
 
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Play a league, and return where its data are."""
+    folder = tmp_path_factory.mktemp("league")
+    (folder / "friday.toml").write_text(LEAGUE)
+    run_here("tournament", "run", folder / "friday.toml", "--data", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def home(data: Path, shared_start: Start) -> str:
+    """Return where the page of that league is; no pit is open."""
+    web = shared_start("web", "--pit", f"tcp/127.0.0.1:{free_port()}", "--port", 0, "--data", data)
+    return str(web.wait_for("web page at ").said.partition("web page at ")[2].split("/\n")[0])
+
+
 @pytest.fixture
-def home(start: Start, arena: Start, tmp_path: Path, port: int) -> str:
-    """Play a league, and return where its page is; no pit is open."""
-    league = tmp_path / "friday.toml"
-    league.write_text(LEAGUE)
-    assert arena("tournament", "run", league, "--data", tmp_path).returncode == 0
-    web = start("web", "--pit", f"tcp/127.0.0.1:{port}", "--port", 0, "--data", tmp_path)
-    return web.wait_for("web page at ").said.partition("web page at ")[2].split("/\n")[0]
+def journals(data: Path) -> Iterator[dict[Path, bytes]]:
+    """Lend the league's journals to who changes them; at the end they are as they were."""
+    kept = {path: path.read_bytes() for path in (data / "journals" / "friday").glob("*.journal")}
+    yield kept
+    for path, content in kept.items():
+        path.write_bytes(content)
 
 
-def test_the_leaderboard_says_what_the_report_says_and_can_be_sorted(
-    home: str, visit: Start, arena: Start, tmp_path: Path
-) -> None:
-    report = json.loads(arena("leaderboard", "--data", tmp_path, "--json").stdout)
+def test_the_leaderboard_says_what_the_report_says_and_can_be_sorted(home: str, visit: Start, arena: Start, data: Path) -> None:
+    report = json.loads(arena("leaderboard", "--data", data, "--json").stdout)
     page = visit(f"{home}/league")
     says(page, "friday: 12 of 12 matches are played. Rules paper.")
     entries = page.locator("table").first.locator("tbody th")
@@ -60,7 +75,9 @@ def test_the_leaderboard_says_what_the_report_says_and_can_be_sorted(
     assert [wins[name] for name in entries.all_text_contents()] == sorted(wins.values(), reverse=True)
 
 
-def test_a_cell_leads_to_its_replays_and_a_changed_journal_says_where_it_breaks(home: str, visit: Start, tmp_path: Path) -> None:
+def test_a_cell_leads_to_its_replays_and_a_changed_journal_says_where_it_breaks(
+    home: str, visit: Start, journals: dict[Path, bytes]
+) -> None:
     page = visit(f"{home}/league")
     page.get_by_role("button", name="rush against random").click()
     assert page.locator("#fixture li").count() == 4
@@ -69,9 +86,8 @@ def test_a_cell_leads_to_its_replays_and_a_changed_journal_says_where_it_breaks(
     assert page.get_by_role("alert").count() == 0
     address = page.url
 
-    for path in (tmp_path / "journals" / "friday").glob("*.journal"):
-        journal, data = load_journal(path), path.read_bytes()
-        path.write_bytes(data.replace(journal.ticks[2].chain, bytes(32)))
+    for path, content in journals.items():
+        path.write_bytes(content.replace(load_journal(path).ticks[2].chain, bytes(32)))
     page.goto(address)
 
     says(page, "Over: ")

@@ -44,20 +44,19 @@ def act(observation):
 RULES = ("--turn-time", 60, "--set", f"side={SIDE}", "--set", f"tick_limit={N_TICKS}")
 
 
-@pytest.fixture
-def web(serve: Start) -> Callable[..., tuple[Any, str]]:
-    """Open a pit with its page; return it, and where its page is."""
-
-    def begin(*arguments: object) -> tuple[Any, str]:
-        page_port = free_port()
-        pit = serve("--web", page_port, *RULES, *arguments)
-        return pit.wait_for("web page at "), f"http://127.0.0.1:{page_port}"
-
-    return begin
+@pytest.fixture(scope="module")
+def shared(shared_start: Start, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, Path]:
+    """Open a pit with its page for all tests that leave it as it is; return its address, where its page is, and its data."""
+    folder, pit_port, page_port = tmp_path_factory.mktemp("pit"), free_port(), free_port()
+    pit = ("serve", "--listen", f"tcp/127.0.0.1:{pit_port}", "--data", folder, "--seed", 7, "--web", page_port, *RULES)
+    shared_start(*pit).wait_for("web page at ")
+    return f"arena://127.0.0.1:{pit_port}/pit", f"http://127.0.0.1:{page_port}", folder
 
 
-def only_journal(tmp_path: Path) -> Journal:
-    (journal,) = map(load_journal, (tmp_path / "journals").glob("*.journal"))
+def find_journal(folder: Path, blue: str) -> Journal:
+    """Return the only journal of whoever played blue."""
+    journals = map(load_journal, (folder / "journals").glob("*.journal"))
+    (journal,) = (journal for journal in journals if journal.header.blue == blue)
     return journal
 
 
@@ -79,17 +78,20 @@ def table_of(page: "Page") -> list[list[str]]:
     return [row.locator("th, td").all_text_contents() for row in rows]
 
 
-def test_a_match_is_watched_with_the_key_and_without_and_replayed(web: Start, join: Start, visit: Start, tmp_path: Path) -> None:
+def test_a_match_is_watched_with_the_key_and_without_and_replayed(
+    shared: tuple[str, str, Path], start: Start, visit: Start, tmp_path: Path
+) -> None:
     bot, go = tmp_path / "slow.py", tmp_path / "go"
     bot.write_text(BOT.format(go=str(go)))
-    key = to_text(load_or_make_secret(tmp_path / "keys" / "spectator.key"))
-    _, url = web()
+    address, url, data = shared
+    key = to_text(load_or_make_secret(data / "keys" / "spectator.key"))
     lobby = visit(f"{url}/")
     says(lobby, "is open")
-    players = [join("--team", team, "--policy", bot, "--name", name) for team, name in (("blue", "ann"), ("red", "bob"))]
+    seats = (("blue", "eve"), ("red", "kim"))
+    players = [start("join", address, "--team", team, "--policy", bot, "--name", name) for team, name in seats]
     players[0].wait_for("begun")
 
-    lobby.get_by_role("link", name="Watch ann against bob").click()
+    lobby.get_by_role("link", name="Watch eve against kim").click()
     match = lobby.url.rpartition("/")[2]
     says(lobby, "only holders of the spectator key see its boards")
     knows = visit(f"{url}/match/{match}#key={key}")
@@ -108,19 +110,19 @@ def test_a_match_is_watched_with_the_key_and_without_and_replayed(web: Start, jo
     for page in (lobby, knows, stranger):
         says(page, f"after {N_TICKS} ticks")
         says(page, "Every tick was played again and holds.")
-        assert page.get_by_role("heading", level=1).text_content() == "ann against bob"
+        assert page.get_by_role("heading", level=1).text_content() == "eve against kim"
     assert [player.finish() for player in players] == [0, 0]
-    assert match == match_id(only_journal(tmp_path).header.identity)
+    assert match == match_id(find_journal(data, "eve").header.identity)
 
 
-@pytest.fixture
-def played(web: Start, join: Start, tmp_path: Path) -> tuple[str, Journal]:
+@pytest.fixture(scope="module")
+def played(shared: tuple[str, str, Path], shared_start: Start) -> tuple[str, Journal]:
     """Play a match; return where it is replayed, and its journal."""
-    pit, url = web()
-    players = [join("--team", team, "--policy", "random", "--name", name) for team, name in (("blue", "ann"), ("red", "bob"))]
+    address, url, data = shared
+    seats = (("blue", "ann"), ("red", "bob"))
+    players = [shared_start("join", address, "--team", team, "--policy", "random", "--name", name) for team, name in seats]
     assert [player.finish() for player in players] == [0, 0]
-    pit.wait_for("blue ann, red bob: ")
-    journal = only_journal(tmp_path)
+    journal = find_journal(data, "ann")
     return f"{url}/match/{match_id(journal.header.identity)}", journal
 
 
@@ -166,23 +168,28 @@ def test_pointing_at_a_unit_tells_what_it_can_do(played: tuple[str, Journal], vi
     page.locator(".events", has_text=f"{name}: sight 3, attack 2").wait_for()
 
 
-def test_every_page_fits_a_telephone_and_a_desk_by_day_and_by_night(played: tuple[str, Journal], visit: Start) -> None:
+@pytest.mark.parametrize("width", WIDTHS)
+def test_every_page_fits_a_telephone_and_a_desk_by_day_and_by_night(
+    played: tuple[str, Journal], visit: Start, width: int
+) -> None:
     url, _ = played
     home = url.partition("/match")[0]
-    for width in WIDTHS:
-        pages = [("light", url), ("dark", url), ("light", f"{home}/"), ("light", f"{home}/play"), ("dark", f"{home}/league")]
-        for scheme, address in pages:
-            page = visit(address, width=width, scheme=scheme)
-            page.locator(".state").wait_for()
-            page.wait_for_load_state("networkidle")
+    page = visit(url, width=width)
+    for address in (url, f"{home}/", f"{home}/play", f"{home}/league"):
+        if address != url:
+            page.goto(address)
+        page.locator(".state").wait_for()
+        page.wait_for_load_state("networkidle")
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)
             assert page.evaluate("document.documentElement.scrollWidth") == width
             for pixels, wide, high in page.evaluate(SIZES):
                 assert pixels == [wide, wide] == [high, high]
                 assert wide >= MOST_OF_WIDTH * min(width, page.viewport_size["height"])
 
 
-def test_a_match_that_nobody_knows_is_said_and_the_lobby_offered(web: Start, visit: Start) -> None:
-    _, url = web()
+def test_a_match_that_nobody_knows_is_said_and_the_lobby_offered(shared: tuple[str, str, Path], visit: Start) -> None:
+    _, url, _ = shared
 
     page = visit(f"{url}/match/0123456789abcdef")
 
@@ -237,9 +244,10 @@ def test_a_page_that_watches_a_match_outlives_its_web_server(
     assert [player.finish() for player in players] == [0, 0]
 
 
-def test_the_page_ends_with_its_pit_however_that_ends(web: Start, visit: Start) -> None:
-    pit, url = web()
-    page = visit(f"{url}/")
+def test_the_page_ends_with_its_pit_however_that_ends(serve: Start, visit: Start) -> None:
+    page_port = free_port()
+    pit = serve("--web", page_port, *RULES).wait_for("web page at ")
+    page = visit(f"http://127.0.0.1:{page_port}/")
     says(page, "is open")
     page.goto("about:blank")
 

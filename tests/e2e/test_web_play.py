@@ -9,7 +9,7 @@ import pytest
 from chromium import browser, says, visit
 
 from arena.game.types import Action, Ending
-from arena.records.journal import load_journal
+from arena.records.journal import load_journal, match_id
 from arena.records.transcript import load_transcript
 from arena.transport import free_port
 
@@ -32,19 +32,25 @@ U . . . . . . f
 """
 
 
-@pytest.fixture
-def rules(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def rules(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write the rules of an empty board, where blue walks straight to the flag."""
-    path = tmp_path / "open.toml"
+    path = tmp_path_factory.mktemp("rules") / "open.toml"
     path.write_text(f"base = 'paper'\nboard = '''{BOARD}'''\n[units.ugv]\nattack = 0\n")
     return path
 
 
-@pytest.fixture
-def home(serve: Start, rules: Path) -> str:
-    """Open a pit with its page, and return where that is."""
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("pit")
+
+
+@pytest.fixture(scope="module")
+def home(shared_start: Start, rules: Path, data: Path) -> str:
+    """Open a pit with its page, and return where that is; in each test others play in it."""
     page_port = free_port()
-    serve("--web", page_port, "--turn-time", 60, "--rules", rules).wait_for("web page at ")
+    pit = ("serve", "--listen", f"tcp/127.0.0.1:{free_port()}", "--data", data, "--seed", 7, "--web", page_port)
+    shared_start(*pit, "--turn-time", 60, "--rules", rules).wait_for("web page at ")
     return f"http://127.0.0.1:{page_port}"
 
 
@@ -67,10 +73,10 @@ def click_cell(page: "Page", row: int, column: int) -> None:
 
 
 def test_a_person_plays_a_whole_match_by_clicks_and_keys_and_comes_back_to_a_lost_page(
-    home: str, visit: Start, tmp_path: Path
+    home: str, visit: Start, data: Path
 ) -> None:
     page = visit(f"{home}/play")
-    sit_down(page, "eve", "blue", "patrol")
+    sit_down(page, "ann", "blue", "patrol")
     says(page, "Your turn")
     unit = page.locator(".units button")
 
@@ -98,19 +104,21 @@ def test_a_person_plays_a_whole_match_by_clicks_and_keys_and_comes_back_to_a_los
             break
 
     says(page, "Checked: the journal is of this match")
-    (journal,) = map(load_journal, (tmp_path / "journals").glob("*.journal"))
-    (transcript,) = (load_transcript(path) for path in (tmp_path / "transcripts").rglob("*") if path.is_file())
-    assert journal.header.blue == "eve"
+    journals = map(load_journal, (data / "journals").glob("*.journal"))
+    (journal,) = (journal for journal in journals if "ann" in (journal.header.blue, journal.header.red))
+    transcripts = (load_transcript(path) for path in (data / "transcripts").rglob("*") if path.is_file())
+    (transcript,) = (transcript for transcript in transcripts if transcript.header.name == "ann")
+    assert journal.header.blue == "ann"
     assert journal.header.red == "patrol"
     assert journal.ending is not None
     assert journal.ending.ending is Ending.CAPTURE
     assert [tick.orders[0] for tick in journal.ticks[:3]] == [Action.EAST, Action.EAST, Action.SOUTH]
-    assert transcript.header.name == "eve"
+    assert transcript.header.match == match_id(journal.header.identity)
     page.get_by_role("link", name="Watch it").click()
     says(page, "Every tick was played again and holds.")
 
 
-def test_two_browsers_play_each_other(home: str, visit: Start, tmp_path: Path) -> None:
+def test_two_browsers_play_each_other(home: str, visit: Start) -> None:
     blue, red = visit(f"{home}/play"), visit(f"{home}/play", width=390)
     sit_down(blue, "eve", "blue", "")
     says(blue, "eve waits")
@@ -141,7 +149,7 @@ def test_a_page_whose_connection_is_cut_says_so_and_goes_on_by_itself(home: str,
 
     page.route_web_socket("**/ws/play", pass_on)
     page.goto(f"{home}/play")
-    sit_down(page, "eve", "blue", "patrol")
+    sit_down(page, "bob", "blue", "patrol")
     says(page, "Your turn")
     page.keyboard.press("d")
     wait_for_tick(page, 1)

@@ -1,9 +1,12 @@
 """Raw Zenoh sessions that know the protocol and need not keep to it, against real pits."""
 
 import json
+import subprocess
 import uuid
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
@@ -20,6 +23,9 @@ from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Challenge, Ended, Hello, JoinRequest, Signed, Ticket, Wait
 from arena.protocol.sealing import Opener, Sealer
+from clients.runner import Runner
+from clients.settings import Settings
+from policies import registry
 
 __all__ = ["join", "port", "serve", "start"]
 
@@ -145,3 +151,29 @@ def stranger(port: int) -> Iterator[Callable[..., Stranger]]:
             return one
 
         yield enter
+
+
+@pytest.fixture
+def arena_here(here: Callable[..., subprocess.CompletedProcess[str]]) -> Callable[..., tuple[int, str]]:
+    """Run `arena` in this process until it ends; return its exit code and what it said."""
+
+    def run(*arguments: object) -> tuple[int, str]:
+        done = here(*arguments)
+        return done.returncode, done.stdout + done.stderr
+
+    return run
+
+
+@pytest.fixture
+def play_here(port: int) -> Iterator[Callable[..., Future[int]]]:
+    """Begin to play in the pit as `arena join` does, on a thread; what is returned says in the end how many matches ended."""
+    with ExitStack() as running:
+
+        def begin(policy: str | Path, **options: Any) -> Future[int]:
+            usual = {"name": Path(policy).stem, "team": "any", "make": registry.load(str(policy)), "n_matches": 1}
+            settings = Settings(endpoint=f"tcp/127.0.0.1:{port}", pit="pit", **{**usual, **options})
+            runner = Runner(settings, on_seat=lambda _: None, on_end=lambda _: None, on_wait=lambda _: None)
+            running.callback(runner.stop)
+            return ThreadPoolExecutor().submit(runner.run)
+
+        yield begin

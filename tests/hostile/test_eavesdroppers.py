@@ -3,6 +3,7 @@
 import json
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -153,6 +154,20 @@ def gather(ear: Ear, folder: Path) -> list[Overheard]:
     return [Overheard(journal, ear.messages[match_id(journal.header.identity)]) for journal in journals]
 
 
+def client(endpoint: str, policy: str, team: str, n_matches: int | None) -> Runner:
+    """Return what plays as `arena join` does, and checks the journals."""
+    settings = Settings(
+        endpoint=endpoint,
+        pit="pit",
+        name=policy,
+        team=team,
+        make=registry.load(policy),
+        n_matches=n_matches,
+        on_audit=lambda seat, verdict: None,
+    )
+    return Runner(settings, on_seat=lambda _: None, on_end=lambda _: None, on_wait=lambda _: None)
+
+
 @pytest.fixture(scope="module")
 def evening(size: Callable[[int, int], int], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Evening]:
     """Whole matches of different fighters on different maps, in one pit, with a stranger on every shape."""
@@ -177,11 +192,9 @@ def evening(size: Callable[[int, int], int], tmp_path_factory: pytest.TempPathFa
         pit = start("serve", "--listen", f"tcp/{address}", "--data", folder, *options).wait_for("join with: ")
         ear = Ear(stack.enter_context(zenoh.open(config)))
         for pair in pairs:
-            players = [
-                start("join", f"arena://{address}/pit", "--team", team, "--policy", name, "--matches", each, "--no-transcripts")
-                for team, name in zip(("blue", "red"), pair, strict=True)
-            ]
-            assert [player.finish() for player in players] == [0, 0], [player.said for player in players]
+            runners = [client(f"tcp/{address}", name, team, each) for team, name in zip(("blue", "red"), pair, strict=True)]
+            with ThreadPoolExecutor() as pool:
+                assert list(pool.map(Runner.run, runners)) == [each, each]
         ear.wait_for_endings(n_matches)
         assert pit.finish() == 0
         matches = gather(ear, folder)
@@ -372,13 +385,13 @@ def seat_openers(eve: Any, attempt: Any, ticket: Ticket) -> dict[tuple[Team, Dir
 
 
 def test_a_player_with_two_connections_opens_its_own_seat_and_nothing_else(
-    serve: Start, join: Start, stranger: Start, tmp_path: Path
+    serve: Start, play_here: Start, stranger: Start, tmp_path: Path
 ) -> None:
     pit = serve("--matches", 1, "--turn-time", 60, "--set", "tick_limit=40")
     eve = stranger()
     second = stranger(identity=eve.identity)
     ear = Ear(second.session)
-    honest = join("--team", "blue", "--policy", "spiral", "--no-transcripts")
+    honest = play_here("spiral", team="blue")
     seats: list[tuple[Any, Ticket]] = []
     eve.take = lambda attempt, ticket: (seats.append((attempt, ticket)), type(eve).take(eve, attempt, ticket))
     answers: list[Any] = []
@@ -395,7 +408,7 @@ def test_a_player_with_two_connections_opens_its_own_seat_and_nothing_else(
     shown = play(eve, pry)
     ear.wait_for_endings(1)
 
-    assert [process.finish() for process in (honest, pit)] == [0, 0]
+    assert (honest.result(PATIENCE_S), pit.finish()) == (1, 0)
     (match,) = gather(ear, tmp_path)
     assert len(answers) == 4
     assert all(isinstance(answer, Refusal) for answer in answers), answers
@@ -432,10 +445,7 @@ def test_the_journal_of_leg_one_is_given_when_leg_two_is_over_and_not_before(por
         house = House(session=session, pit="pit", identity=Identity.make(), spectator_key=bytes(32))
         ruleset, terms = load("paper").with_({"tick_limit": 12}), Terms(turn_time_s=None, grace_s=PATIENCE_S)
         referee = Referee(house, ruleset, PlannedSeating(plans), terms, tmp_path, on_end=played.append)
-        settings = Settings(
-            endpoint=f"tcp/127.0.0.1:{port}", pit="pit", name="patrol", team="any", make=registry.load("patrol"), n_matches=None
-        )
-        runner = Runner(settings, on_seat=lambda _: None, on_end=lambda _: None, on_wait=lambda _: None)
+        runner = client(f"tcp/127.0.0.1:{port}", "patrol", "any", None)
 
         def run() -> None:
             with suppress(LostPitError):

@@ -5,7 +5,6 @@ This file is also the program that sends the joins, so that they come from proce
 
 import json
 import logging
-import os
 import random
 import statistics
 import sys
@@ -25,6 +24,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from arena.errors import ForgedError, ProtocolError
+from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
+from arena.game.ruleset import load, parse_overrides
 from arena.game.types import RULES_VERSION, Team
 from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES, decode, encode
@@ -33,10 +34,12 @@ from arena.protocol.handshake import Attempt, new_secret, sign_challenge
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Challenge, Ended, Hello, JoinRequest, Knock, Lobby, Message, Orders, Ready, Ticket, Turn
 from arena.protocol.sealing import Direction, Opener, Sealer, seat_context
-from arena.records.journal import load_journal, read_journal, whole_part
+from arena.records.journal import Journal, load_journal, read_journal, whole_part
 from arena.referee.door import Door
+from arena.referee.local import MatchPlan, play_batch
 from arena.referee.reception import MOST_RUNNING
 from arena.referee.replay import verify
+from policies import registry
 
 Start = Callable[..., Any]
 Size = Callable[[int, int], int]
@@ -154,6 +157,7 @@ def act(observation):
     seen = zlib.crc32(observation.ground.tobytes()) + observation.tick
     return [(seen + unit.index) % 5 for unit in observation.units]
 """
+WITHOUT_FIGHTS = "units.ugv.attack=0"
 MOST_GROWTH_MB = 30.0
 """Of a pit, from one part of a flood to the next. It may hold 128 requests of 60 kB, and malloc keeps what it once had; each of
 100,000 messages, were it kept, would take 50 MB and more."""
@@ -259,16 +263,16 @@ class Shots:
             self._tokens.pop(self._chance.randrange(200)).undeclare()
 
 
-def play_two(serve: Start, join: Start, folder: Path, n_ticks: int, n_matches: int) -> tuple[Any, list[Any]]:
-    """Begin a match of two honest clients, who take their time until there is a file to go on."""
-    folder.mkdir()
-    os.environ["ARENA_CONFIG"] = str(folder / "config")  # another pit may show another key
-    for name in ("ann", "bob"):
-        (folder / f"{name}.py").write_text(BOT.format(go=str(folder / "go")))
-    options = ("--turn-time", 3_600, "--set", f"tick_limit={n_ticks}", "--set", "units.ugv.attack=0")
-    pit = serve("--data", folder, "--matches", n_matches, *options)
-    clients = [join("--policy", folder / "ann.py", "--team", "blue"), join("--policy", folder / "bob.py", "--team", "red")]
-    return pit, [client.wait_for("rules paper") for client in clients]
+def quiet_match(folder: Path, n_ticks: int) -> Journal:
+    """Return the match of the two honest clients as it is where there is no network."""
+    ruleset = load("paper").with_(parse_overrides([f"tick_limit={n_ticks}", WITHOUT_FIGHTS]))
+    identity, secret = "pit/000000/ann/bob", secret_from_seed(7)
+    keys = MatchKeys(map_key=derive_map_key(secret, identity, 0), match_key=derive_match_key(secret, identity))
+    plan = MatchPlan(identity=identity, blue="ann", red="bob", keys=keys)
+    blue, red = (registry.load(str(folder / f"{name}.py")) for name in ("ann", "bob"))
+    (played,) = play_batch(ruleset, [plan], blue, red)
+    assert played.journal is not None
+    return read_journal(played.journal)
 
 
 def honest_journal(folder: Path) -> Path:
@@ -279,13 +283,17 @@ def honest_journal(folder: Path) -> Path:
 def test_junk_on_every_key_changes_no_match_and_leaves_nothing_behind(
     serve: Start, join: Start, stranger: Callable[[], Any], size: Size, tmp_path: Path
 ) -> None:
-    n_ticks, n_each = size(600, 6_000), size(1_000, 20_000)  # on five kinds of keys
-    pit, clients = play_two(serve, join, tmp_path / "quiet", n_ticks, 1)
-    (tmp_path / "quiet" / "go").touch()
-    assert [process.finish() for process in (*clients, pit)] == [0, 0, 0]
-    quiet = load_journal(honest_journal(tmp_path / "quiet"))
+    n_ticks, n_each = size(400, 6_000), size(600, 20_000)  # on five kinds of keys
+    for name in ("ann", "bob"):
+        (tmp_path / f"{name}.py").write_text(BOT.format(go=str(tmp_path / "go")))
+    (tmp_path / "go").touch()
+    quiet = quiet_match(tmp_path, n_ticks)
+    (tmp_path / "go").unlink()
 
-    pit, clients = play_two(serve, join, tmp_path / "loud", n_ticks, 2)
+    pit = serve("--matches", 2, "--turn-time", 3_600, "--set", f"tick_limit={n_ticks}", "--set", WITHOUT_FIGHTS)
+    clients = [join("--policy", tmp_path / f"{name}.py", "--team", team) for name, team in (("ann", "blue"), ("bob", "red"))]
+    for client in clients:
+        client.wait_for("rules paper")
     honest = clients[0].said.partition("match ")[2][:16]
     eve = stranger()
     duel = Duel(eve, stranger(), n_ticks)
@@ -294,17 +302,17 @@ def test_junk_on_every_key_changes_no_match_and_leaves_nothing_behind(
     shots = Shots(eve, [honest, eve.match], [*duel.sent, *knocks, *(data for _, data in eve.raw[:20]), *EVERY_KIND])
     shots.fire(n_each // 5)
     warm_mb = resident_mb(pit)
-    begun_at = len(read_journal(whole_part(honest_journal(tmp_path / "loud").read_bytes())).ticks)
+    begun_at = len(read_journal(whole_part(honest_journal(tmp_path).read_bytes())).ticks)
     begun_s = time.monotonic()
     shots.fire(n_each - n_each // 5)
     took_s, grown_mb = time.monotonic() - begun_s, resident_mb(pit) - warm_mb
-    n_meanwhile = len(read_journal(whole_part(honest_journal(tmp_path / "loud").read_bytes())).ticks) - begun_at
+    n_meanwhile = len(read_journal(whole_part(honest_journal(tmp_path).read_bytes())).ticks) - begun_at
     assert all(process.process.poll() is None for process in (*clients, pit)), "the match did not outlast the flood"
-    (tmp_path / "loud" / "go").touch()
+    (tmp_path / "go").touch()
     duel.play(lambda: False)
 
     assert [process.finish() for process in (*clients, pit)] == [0, 0, 0]
-    loud = load_journal(honest_journal(tmp_path / "loud"))
+    loud = load_journal(honest_journal(tmp_path))
     rate = 5 * (n_each - n_each // 5) / took_s
     logger.info("%.0f messages/s; %.0f MB and %+.1f; %d ticks meanwhile", rate, warm_mb, grown_mb, n_meanwhile)
     assert n_meanwhile >= 3
@@ -318,8 +326,8 @@ def test_junk_on_every_key_changes_no_match_and_leaves_nothing_behind(
 
 # Joins
 
-JOINS_A_SECOND = 2_000
-N_FLOODERS = 2
+JOINS_A_SECOND = 1_000
+"""Of each who floods."""
 FLOODER = f"import runpy; runpy.run_path({__file__!r}, run_name='__main__')"
 RETRY_S = 0.25
 """As `clients.runner` does."""
@@ -396,7 +404,7 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
     strangers are players, and some 80 matches a second begin for them (measured: 1.3 to 1.5 times, and 2.4 once beside other
     work). The small size shares its cores with other tests, so there every turn must only end within a deadline of 1 s.
     """
-    n_ticks, flood_s = size(1_500, 4_000), size(2, 10)
+    n_ticks, flood_s, n_flooders = size(2_500, 4_000), size(2, 10), size(1, 2)
     codes = [f"code-{number}" for number in range(6)]
     invites = tmp_path / "invites"
     invites.write_text("\n".join(codes))
@@ -413,11 +421,10 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
 
     asks = [threading.Thread(target=ask, args=item) for item in zip(guests, ("ann", "ben"), codes[2:4], strict=True)]
 
-    quiet_end_s = time.monotonic() + 2.0
+    quiet_end_s = time.monotonic() + size(1, 2)
     quiet_ms = duel.play(lambda: time.monotonic() > quiet_end_s, PAUSE_S)
-    rate = JOINS_A_SECOND // N_FLOODERS
     nice = f"import os; os.nice(19); {FLOODER}"
-    flooders = [start(port, rate, rate * flood_s, code=nice) for _ in range(N_FLOODERS)]
+    flooders = [start(port, JOINS_A_SECOND, JOINS_A_SECOND * flood_s, code=nice) for _ in range(n_flooders)]
     for flooder in flooders:
         flooder.wait_for("flooding")
     memory_mb: list[float] = []
@@ -461,8 +468,11 @@ def test_a_flood_of_joins_slows_no_match_and_keeps_nobody_out(
             break
         pause.wait(RETRY_S)
     assert (len(lobby.running), lobby.waiting) == (1, []), "nothing of the flood stays"
-    Duel(later, stranger(), n_ticks, *codes[4:]).play(lambda: False)
-    duel.play(lambda: False)
+    another = Duel(later, stranger(), n_ticks, *codes[4:])
+    n_more = size(100, n_ticks)  # the full size plays both to their ends
+    another.play(lambda: another.tick == n_more)
+    end_at = duel.tick + n_more
+    duel.play(lambda: duel.tick == end_at)
     assert pit.process.poll() is None
     assert "Traceback" not in pit.said
 

@@ -91,7 +91,7 @@ class Forger:
             assert self._session.query(topics.lobby("pit"), b"")
 
 
-def check(pit: Any, start: Start, folder: Path, seats: Seats, forger: Forger) -> Journal:
+def check(pit: Any, arena_here: Start, folder: Path, seats: Seats, forger: Forger) -> Journal:
     """Check that the match is of the genuine orders alone, and that each forgery was counted where it was put."""
     for team, seat in seats.items():
         faults = seat.next(Ended).faults
@@ -108,14 +108,14 @@ def check(pit: Any, start: Start, folder: Path, seats: Seats, forger: Forger) ->
     assert verify(journal) == N_TICKS
     assert [tick.orders for tick in journal.ticks] == [genuine(Team.BLUE, t) + genuine(Team.RED, t) for t in range(N_TICKS)]
     assert not any(mark for tick in journal.ticks for mark in tick.marks)
-    replayed = start("replay", "verify", path)
-    assert replayed.finish() == 0, replayed.said
+    exit_code, said = arena_here("replay", "verify", path)
+    assert exit_code == 0, said
     assert "Traceback" not in pit.said
     return journal
 
 
 def test_only_what_a_seat_itself_orders_takes_effect_and_all_else_is_counted(
-    serve: Start, start: Start, stranger: Start, tmp_path: Path
+    serve: Start, arena_here: Start, stranger: Start, tmp_path: Path
 ) -> None:
     pit = serve("--matches", 2, *OPTIONS)
     seats = sit_down(stranger)
@@ -159,11 +159,11 @@ def test_only_what_a_seat_itself_orders_takes_effect_and_all_else_is_counted(
         give(twins, elsewhere, tick)
         said.append(orders)
 
-    check(pit, start, tmp_path, seats, forger)
+    check(pit, arena_here, tmp_path, seats, forger)
 
 
 def test_what_was_sealed_before_a_seat_was_taken_anew_does_not_open(
-    serve: Start, start: Start, stranger: Start, tmp_path: Path
+    serve: Start, arena_here: Start, stranger: Start, tmp_path: Path
 ) -> None:
     pit = serve("--matches", 1, *OPTIONS)
     seats = sit_down(stranger)
@@ -188,4 +188,4 @@ def test_what_was_sealed_before_a_seat_was_taken_anew_does_not_open(
         give(seats, orders, tick)
         given.append(orders[Team.BLUE])
 
-    check(pit, start, tmp_path, seats, forger)
+    check(pit, arena_here, tmp_path, seats, forger)

@@ -12,8 +12,11 @@ from typing import Any
 import pytest
 import zenoh
 
-from arena.errors import ForgedError
+from arena.address import Address, parse_address
+from arena.errors import ForgedError, LostPitError
 from arena.game.types import Team
+from arena.keyring.files import load_or_make
+from arena.keyring.ring import entry_key_path
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import new_secret, sign_challenge
@@ -22,8 +25,13 @@ from arena.protocol.messages import Answer, Challenge, Ended, Lobby, Orders, Rea
 from arena.records.journal import load_journal
 from arena.referee.replay import verify
 from arena.transport import free_port
+from clients.cli import trust
+from clients.runner import Runner
+from clients.settings import Settings
+from policies import registry
 
 Start = Callable[..., Any]
+Here = Callable[..., tuple[int, str]]
 PATIENCE_S = 60.0
 Change = Callable[[bytes, bytes], bytes]
 """What the one who asked is told, given the question and the pit's answer; nothing if it is b""."""
@@ -206,11 +214,25 @@ def test_an_answer_opens_for_its_own_request_alone(serve: Start, stranger: Start
 # A man in the middle
 
 
+def runner(where: Address, **options: Any) -> tuple[Runner, list[object]]:
+    """Return a client that is told an address as `arena join` is, and what it has to say as it plays."""
+    said: list[object] = []
+    settings = Settings(
+        endpoint=where.endpoint,
+        pit=where.pit,
+        make=registry.load("rush"),
+        n_matches=1,
+        trust=lambda pit_key: trust(where, pit_key, said.append),
+        **options,
+    )
+    return Runner(settings, on_seat=said.append, on_end=said.append, on_wait=said.append), said
+
+
 def test_nobody_plays_whose_answers_a_man_in_the_middle_makes_up(
-    serve: Start, start: Start, join: Start, stranger: Start, middleman: Start
+    serve: Start, start: Start, stranger: Start, middleman: Start
 ) -> None:
     pit = serve()
-    guest = join("--team", "red", "--name", "guest")
+    guest = later(stranger().sit, team="red", name="guest")
     await_guest(stranger())  # so that whoever asks for red as well is answered at once
     true, rival = address(pit).partition("#")[2], Identity.make()
     kept: list[bytes] = []
@@ -236,20 +258,21 @@ def test_nobody_plays_whose_answers_a_man_in_the_middle_makes_up(
         own = Challenge(pit_key=said.pit_key, sealing_key=rival.public, number=said.number, signature=said.signature)
         return encode(own)
 
-    goes_on = (1, "arena: no pit called pit answers at tcp/127.0.0.1:")
+    goes_on = "no pit called pit answers at tcp/127.0.0.1:"
     both_keys = f"has the key {rival.fingerprint}, the address says {true}: another pit stands there, or the address is old"
-    changes: dict[Change, tuple[int, str]] = {
-        say_no: goes_on,
-        say_nothing_new: goes_on,
-        change: goes_on,
-        show_own_key: (2, both_keys),
-        put_own_key_in: goes_on,
-    }
     victims = {
         start("join", address(pit, middleman(change=one).port), "--name", one.__name__, "--team", "red"): said
-        for one, said in changes.items()
+        for one, said in ((say_no, (1, f"arena: {goes_on}")), (show_own_key, (2, both_keys)))
     }
+    others = [
+        runner(parse_address(address(pit, middleman(change=one).port)), name=one.__name__, team="red")
+        for one in (say_nothing_new, change, put_own_key_in)
+    ]
 
+    for ending, (_, heard) in [(later(other.run), (other, heard)) for other, heard in others]:
+        with pytest.raises(LostPitError, match=goes_on):
+            ending.result(PATIENCE_S)
+        assert heard == [], "nobody said anything to it that it believed"
     for victim, (exit_code, sentence) in victims.items():
         assert victim.finish() == exit_code, victim.said
         assert sentence in victim.said
@@ -257,14 +280,16 @@ def test_nobody_plays_whose_answers_a_man_in_the_middle_makes_up(
         assert "the pit says no" not in victim.said
         assert "match " not in victim.said
         assert "Traceback" not in victim.said
-    assert guest.process.poll() is None
+    assert len(kept) > 1
+    assert not guest.done()
 
 
-def test_a_refusal_in_the_pits_name_does_not_send_a_client_away(
-    serve: Start, start: Start, join: Start, middleman: Start
+def test_what_a_man_in_the_middle_says_in_the_pits_name_or_adds_is_counted_and_changes_nothing(
+    serve: Start, start: Start, join: Start, middleman: Start, tmp_path: Path
 ) -> None:
-    pit = serve("--matches", 1)
+    pit = serve("--matches", 1, "--turn-time", 20)
     n_refused = 0
+    said: list[bytes] = []
 
     def say_no_at_first(asked: bytes, answer: bytes) -> bytes:
         nonlocal n_refused
@@ -273,31 +298,18 @@ def test_a_refusal_in_the_pits_name_does_not_send_a_client_away(
         n_refused += 1
         return encode(Refusal(reason="go away"))
 
-    victim = start("join", address(pit, middleman(change=say_no_at_first).port), "--name", "victim", "--team", "red")
+    def add(data: bytes) -> list[bytes]:
+        said.append(data)
+        return [flip(data), said[0], bytes(200), data, data]
+
+    between = middleman(change=say_no_at_first, pass_on=add)
+    victim = start("join", address(pit, between.port), "--name", "victim", "--team", "red")
     other = join("--policy", "roomba")
 
     assert victim.finish() == 0, victim.said
     assert [process.finish() for process in (other, pit)] == [0, 0]
     assert n_refused == 3
     assert "go away" not in victim.said
-
-
-def test_what_a_man_in_the_middle_adds_is_counted_and_changes_nothing(
-    serve: Start, start: Start, join: Start, middleman: Start, tmp_path: Path
-) -> None:
-    pit = serve("--matches", 1, "--turn-time", 20)
-    said: list[bytes] = []
-
-    def add(data: bytes) -> list[bytes]:
-        said.append(data)
-        return [flip(data), said[0], bytes(200), data, data]
-
-    between = middleman(pass_on=add)
-    victim = start("join", address(pit, between.port), "--name", "victim", "--team", "red")
-    other = join("--policy", "roomba")
-
-    assert victim.finish() == 0, victim.said
-    assert [process.finish() for process in (other, pit)] == [0, 0]
     assert "the journal is of this match, under the keys that the pit committed itself to" in victim.said
     assert between.n_passed > 100
     (path,) = (tmp_path / "journals").glob("*.journal")
@@ -310,44 +322,46 @@ def test_what_a_man_in_the_middle_adds_is_counted_and_changes_nothing(
 
 
 def test_a_pit_that_has_another_key_than_before_is_refused_until_its_old_key_is_forgotten(
-    serve: Start, join: Start, start: Start, stranger: Start, port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    serve: Start, join: Start, arena_here: Here, stranger: Start, port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ARENA_CONFIG", str(tmp_path / "config"))
+    place = f"127.0.0.1:{port}/pit"
+    look_in = ("join", f"arena://{place}", "--rules", "gym-cap")  # which is not played there, so nobody waits
     first = serve()
     old = address(first)
     eve = stranger()
     sealed_to_the_first = eve.attempt().knock
-    trusting = join().wait_for("this pit is new here")
-    assert f"from now on 127.0.0.1:{port}/pit must show the key {old.partition('#')[2]}" in trusting.said
-    trusting.kill()
+    exit_code, said = arena_here(*look_in)
+    assert (exit_code, "the pit plays ruleset paper" in said) == (1, True), said
+    assert f"this pit is new here; from now on {place} must show the key {old.partition('#')[2]}" in said
     first.kill()
     known = (tmp_path / "config" / "known_pits").read_bytes()
 
     second = serve("--data", tmp_path / "second")
     new = address(second)
     assert new != old
-    changed, named = join(), start("join", old)
-    assert changed.finish() == named.finish() == 2
-    place = f"127.0.0.1:{port}/pit"
+    changed, (exit_code, named) = join(), arena_here("join", old)
+    assert changed.finish() == exit_code == 2
     keys = f"from {old.partition('#')[2]} to {new.partition('#')[2]}"
     assert f"arena: the key of the pit at {place} has changed {keys}: either its operator made a new one, or" in changed.said
     assert f"arena keys forget {place}" in changed.said
-    assert "another pit stands there, or the address is old" in named.said
+    assert "another pit stands there, or the address is old" in named
     assert (tmp_path / "config" / "known_pits").read_bytes() == known
     refused = decode(stranger().query(topics.join("pit"), sealed_to_the_first))
     assert isinstance(refused, Refusal)
     assert "it was sealed to another pit, or to this one before it started" in refused.reason
 
-    assert start("keys", "forget", place).finish() == 0
-    again = join().wait_for("this pit is new here")
-    assert f"must show the key {new.partition('#')[2]}" in again.said
+    assert arena_here("keys", "forget", place)[0] == 0
+    exit_code, said = arena_here(*look_in)
+    assert (exit_code, "the pit plays ruleset paper" in said) == (1, True), said
+    assert f"this pit is new here; from now on {place} must show the key {new.partition('#')[2]}" in said
 
 
 # Names and invites
 
 
 def test_a_name_belongs_to_the_key_that_finished_a_match_under_it_until_it_is_released(
-    serve: Start, join: Start, start: Start, stranger: Start, tmp_path: Path
+    serve: Start, arena_here: Here, stranger: Start, tmp_path: Path
 ) -> None:
     pit = serve("--set", "tick_limit=1", "--turn-time", 60)
     ann, bob, eve = stranger(), stranger(), stranger()
@@ -364,22 +378,25 @@ def test_a_name_belongs_to_the_key_that_finished_a_match_under_it_until_it_is_re
     pit = serve("--set", "tick_limit=1", "--turn-time", 60)
     ann, bob, eve = (stranger(identity=one.identity) for one in (ann, bob, eve))
     assert eve.ask(name="ann") == Refusal(reason=sentence)
-    process = join("--name", "ann", "--policy", "rush")
-    assert process.finish() == 1
-    assert f"arena: the pit says no: {sentence}" in process.said
+    exit_code, said = arena_here("join", address(pit), "--name", "ann")
+    assert exit_code == 1
+    assert f"arena: the pit says no: {sentence}" in said
     assert eve.ask(name="ann", match="whatever") == Refusal(reason=sentence)
     sit_down(ann, "ann", bob, "bob")
 
-    released = start("admin", "release-name", "ann", "--pit", address(pit), "--data", tmp_path)
-    assert released.finish() == 0
-    assert "the name ann is free" in released.said
+    exit_code, said = arena_here("admin", "release-name", "ann", "--pit", address(pit), "--data", tmp_path)
+    assert exit_code == 0
+    assert "the name ann is free" in said
     sit_down(eve, "ann", stranger(), "cid")  # it is whose who comes
 
 
-def test_an_invite_is_for_the_first_key_that_comes_with_it(serve: Start, join: Start, stranger: Start, tmp_path: Path) -> None:
+def test_an_invite_is_for_the_first_key_that_comes_with_it(
+    serve: Start, join: Start, arena_here: Here, stranger: Start, tmp_path: Path
+) -> None:
     (tmp_path / "codes").write_text("first-code  # for ann\nsecond-code\n")
     pit = serve("--invite", tmp_path / "codes")
-    owner = join("--name", "ann", "--invite", "first-code")
+    own_key = load_or_make(entry_key_path("ann"))  # as `arena join` has it
+    owner = later(stranger(identity=own_key).sit, name="ann", invite="first-code")
     eve = stranger()
     await_guest(eve)
     assert lobby(eve).needs_invite
@@ -391,19 +408,17 @@ def test_an_invite_is_for_the_first_key_that_comes_with_it(serve: Start, join: S
 
     for code, sentence in refused.items():
         assert eve.ask(invite=code) == Refusal(reason=sentence)
-    processes = {join("--name", "bob", *(("--invite", code) if code else ())): said for code, said in refused.items()}
-    for process, sentence in processes.items():
-        assert process.finish() == 1
-        assert process.said.splitlines()[-1] == f"arena: the pit says no: {sentence}"
-    assert owner.process.poll() is None
-    owner.kill()
+        exit_code, said = arena_here("join", address(pit), "--name", "bob", *(("--invite", code) if code else ()))
+        assert exit_code == 1
+        assert said.splitlines()[-1] == f"arena: the pit says no: {sentence}"
+    assert not owner.done()
     pit.kill()
 
     serve("--invite", tmp_path / "codes")
     eve = stranger()
     assert eve.ask(invite="first-code") == Refusal(reason="the invite code was used by another key")
-    owner = join("--name", "ann", "--invite", "first-code")
+    process = join("--name", "ann", "--invite", "first-code")
     await_guest(eve)
     assert isinstance(eve.ask(invite="second-code", match="none"), Wait)
     later(eve.sit, invite="second-code").result(PATIENCE_S)
-    owner.wait_for("against eve")
+    process.wait_for("against eve")

@@ -177,10 +177,10 @@ def test_no_key_and_counter_seal_two_messages_whoever_is_killed_and_comes_back(
 
 
 def test_a_turn_that_is_asked_for_again_is_the_very_bytes_that_it_was_or_stands_behind_all_that_was_sent(
-    serve: Start, join: Start, stranger: Start
+    serve: Start, play_here: Start, stranger: Start
 ) -> None:
     serve("--matches", 1, "--turn-time", 60, "--set", "tick_limit=12")
-    join("--team", "blue", "--policy", "patrol", "--no-transcripts")
+    play_here("patrol", team="blue")
     eve = stranger()
     eve.sit(team="red")
     for _ in range(3):

@@ -13,12 +13,15 @@ from typing import Any
 
 import pytest
 import zenoh
+from commands import Command
 
 from arena.protocol import topics
 from arena.records.journal import Mark, load_journal
 from arena.referee.replay import verify
+from arena.transport import free_port
 
 Start = Callable[..., Any]
+Size = Callable[[int, int], int]
 PATIENCE_S = 60.0
 TOLD = [topics.all_observations("pit"), topics.all_public("pit"), topics.all_truths("pit")]
 """All that a client may subscribe to."""
@@ -104,11 +107,11 @@ def tiny_socket(port: int) -> socket.socket:
 
 
 @pytest.fixture
-def proxy(port: int) -> Iterator[Callable[[], Proxy]]:
+def proxy(pit: "Pit") -> Iterator[Callable[[], Proxy]]:
     with ExitStack() as open_ones:
 
         def begin() -> Proxy:
-            one = Proxy(port)
+            one = Proxy(pit.port)
             open_ones.callback(one.close)
             return one
 
@@ -128,78 +131,105 @@ def connect(port: int, lease_ms: int = 10_000) -> zenoh.Session:
     return zenoh.open(config)
 
 
-@pytest.fixture
-def play(serve: Start, join: Start, port: int, tmp_path: Path) -> Iterator[Callable[..., Any]]:
-    """Open a pit for matches with much to tell; what is returned plays some, with no time to lose."""
-    told_s: dict[str, list[float]] = {}
-    options = (
-        "--turn-time",
-        0.5,
-        "--bank",
-        0,
-        "--missed",
-        60,
-        "--grace",
-        60,
-        "--set",
-        "side=64",
-        "--set",
-        "tick_limit=400",
-        "--set",
-        "units.ugv.attack=0",
-    )
-    serve(*options)
-    session = connect(port)
-    session.declare_subscriber(
-        topics.all_public("pit"), lambda sample: told_s.setdefault(str(sample.key_expr), []).append(time.monotonic())
-    )
+class Pit:
+    """A pit for matches with much to tell, and no time to lose; and who stands by and notes when something is told."""
 
-    def go_on(n_matches: int) -> None:
-        players = [join("--policy", "patrol", "--name", name, "--matches", n_matches) for name in ("ann", "bob")]
-        assert [player.finish() for player in players] == [0, 0]
-        played = [load_journal(path) for path in (tmp_path / "journals").glob("*.journal")]
-        ended = [journal for journal in played if journal.ending is not None]
+    def __init__(self, folder: Path, n_ticks: int) -> None:
+        self.port, self._folder, self.config = free_port(), folder, folder / "config"
+        self._told_s: dict[str, list[float]] = {}
+        self._seen: set[Path] = set()
+        terms = ("--turn-time", 0.5, "--bank", 0, "--missed", 60, "--grace", 60)
+        rules = ("--set", "side=64", "--set", f"tick_limit={n_ticks}", "--set", "units.ugv.attack=0")
+        where = ("--listen", f"tcp/127.0.0.1:{self.port}", "--data", folder, "--seed", 7)
+        self._process = Command("from arena.cli import main; main()", ("serve", *where, *terms, *rules))
+        self._open = ExitStack()
+        self._open.callback(self._process.close)
+
+    def listen(self) -> None:
+        """Wait until it is open, and note from now on when something is told."""
+        self._process.wait_for("join with: ")
+        session = connect(self.port)
+        self._open.callback(session.close)
+        session.declare_subscriber(topics.all_public("pit"), self._note)
+
+    def _note(self, sample: zenoh.Sample) -> None:
+        self._told_s.setdefault(str(sample.key_expr), []).append(time.monotonic())
+
+    def check(self, n_matches: int) -> None:
+        """Look at the matches that have ended since the last look: nobody was late, and no tick was long."""
+        played = {path: load_journal(path) for path in (self._folder / "journals").glob("*.journal") if path not in self._seen}
+        ended = {path: journal for path, journal in played.items() if journal.ending is not None}
+        self._seen |= ended.keys()
+        told_s, self._told_s = self._told_s, {}
         assert len(ended) >= n_matches
-        for journal in ended:
+        for path, journal in ended.items():
             assert verify(journal) > 100
-            assert not any(mark & Mark.LATE for tick in journal.ticks for mark in tick.marks)
+            late = [number for number, tick in enumerate(journal.ticks) if any(mark & Mark.LATE for mark in tick.marks)]
+            assert late == [], path.name
         assert len(told_s) >= n_matches
         assert max(later - earlier for times in told_s.values() for earlier, later in pairwise(times)) < LONGEST_TICK_S
 
-    yield go_on
-    session.close()
+    def close(self) -> None:
+        self._open.close()
 
 
-def test_a_stopped_listener_makes_nobody_late(play: Callable[[int], None], start: Start, port: int) -> None:
-    listeners = [start(port, *TOLD, code=LISTENER).wait_for("listening") for _ in range(2)]
-    play(1)
-    for listener in listeners:
-        listener.wait_for("heard").send(signal.SIGSTOP)
+@pytest.fixture(scope="module")
+def pit(size: Size, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pit]:
+    pit = Pit(tmp_path_factory.mktemp("pit"), size(250, 400))
+    try:
+        pit.listen()
+        yield pit
+    finally:
+        pit.close()
 
-    play(3)
+
+@pytest.fixture
+def play(pit: Pit, start: Start, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Play some matches; in the middle of the first, do something."""
+    monkeypatch.setenv("ARENA_CONFIG", str(pit.config))  # in which the entries keep their keys from test to test
+
+    def go_on(n_matches: int, then: Callable[[], object] = lambda: None) -> None:
+        address = f"arena://127.0.0.1:{pit.port}/pit"
+        options = ("--policy", "patrol", "--matches", n_matches)
+        players = [start("join", address, *options, "--name", name) for name in ("ann", "bob")]
+        then()
+        assert [player.finish() for player in players] == [0, 0], [player.said for player in players]
+        pit.check(n_matches)
+
+    return go_on
+
+
+def test_a_stopped_listener_makes_nobody_late(play: Callable[..., None], start: Start, pit: Pit, size: Size) -> None:
+    listeners = [start(pit.port, *TOLD, code=LISTENER).wait_for("listening") for _ in range(2)]
+
+    def stop() -> None:
+        for listener in listeners:
+            listener.wait_for("heard").send(signal.SIGSTOP)
+
+    play(size(2, 4), stop)
 
 
 def test_a_connection_that_is_not_read_is_cut_off_and_makes_nobody_late(
-    play: Callable[[int], None], proxy: Callable[[], Proxy]
+    play: Callable[..., None], proxy: Callable[[], Proxy], size: Size
 ) -> None:
     between = proxy()
-    session = connect(between.port, lease_ms=600_000)  # the pit does not miss it before it is full
     heard = threading.Event()
-    for key in TOLD:
-        session.declare_subscriber(key, lambda sample: heard.set())
-    play(1)
-    assert heard.is_set()
 
-    between.stop()
-    play(4)
+    def stop() -> None:
+        assert heard.wait(PATIENCE_S)
+        between.stop()
 
-    assert between.was_cut_off()
-    between.close()
-    session.close()
+    with connect(between.port, lease_ms=600_000) as session:  # the pit does not miss it before it is full
+        for key in TOLD:
+            session.declare_subscriber(key, lambda sample: heard.set())
+        play(size(2, 5), stop)
+
+        assert between.was_cut_off()
+        between.close()
 
 
 def test_connections_that_say_nothing_or_junk_or_half_of_it_make_nobody_late(
-    play: Callable[[int], None], proxy: Callable[[], Proxy], port: int
+    play: Callable[..., None], proxy: Callable[[], Proxy], pit: Pit, size: Size
 ) -> None:
     between = proxy()
     connect(between.port).close()
@@ -219,8 +249,8 @@ def test_connections_that_say_nothing_or_junk_or_half_of_it_make_nobody_late(
     ]
     with ExitStack() as silent:
         for data in said * 4:
-            one = silent.enter_context(tiny_socket(port))
+            one = silent.enter_context(tiny_socket(pit.port))
             with suppress(ConnectionError):
                 one.sendall(data)
 
-        play(2)
+        play(size(1, 2))

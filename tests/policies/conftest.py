@@ -1,17 +1,21 @@
 """Matches that only look like matches: for fighters, which may not know the rules, and must live on any ground."""
 
-from collections.abc import Callable, Sequence
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from arena.cli import main
 from arena.game.ruleset import Ruleset
 from arena.game.types import FLAGS, HALVES, STEPS, Code, Team
 from arena.observation import NO_CLOCK_MS, Observations
 
 PADDING = 3
 """Cells past the board that mean nothing, as `Observations` allows."""
+ALLOCATOR = ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_")
 
 
 class PretendedMatch:
@@ -105,3 +109,22 @@ def pretend() -> Callable[[Ruleset, Team, int], PretendedMatch]:
 @pytest.fixture(scope="session")
 def seen_in() -> Callable[[Sequence[PretendedMatch]], Observations]:
     return gather
+
+
+@pytest.fixture
+def train(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
+    """Run `arena train` in this process, which spares what a process of its own costs to start."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for name in ALLOCATOR:
+        monkeypatch.setenv(name, "1073741824")  # without these, the command would start this process anew
+
+    def run(*arguments: object) -> None:
+        monkeypatch.setattr(sys, "argv", ["arena", "train", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        if ended.value.code:
+            raise ended.value
+
+    yield run
+    for number, handler in handlers.items():
+        signal.signal(number, handler)

@@ -16,6 +16,7 @@ from policies.training.curriculum import PROGRESS, check_start, has_ended, stage
 from policies.training.folder import LAST, SETTINGS
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
+Train = Callable[..., None]
 QUICK = ("--set", "window=7", "--set", "batch=20", "--set", "update_every=2", "--set", "opponent=random")
 
 
@@ -71,10 +72,10 @@ def test_stages_and_curricula_that_are_not_there_are_named() -> None:
         stages_of("papers")
 
 
-def test_the_command_trains_all_four_stages_and_goes_on(arena: Run, tmp_path: Path) -> None:
+def test_the_command_trains_all_four_stages_and_goes_on(train: Train, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "runs"
-    done = arena("train", "--method", "reinforce", "--curriculum", "paper", "--episodes", 2, "--out", out, *QUICK)
-    assert done.returncode == 0, done.stderr
+    train("--method", "reinforce", "--curriculum", "paper", "--episodes", 2, "--out", out, *QUICK)
+    assert capsys.readouterr().out.count("trained:") == 4
     for before, rules in (("", "exp1"), ("exp1", "exp2"), ("exp2", "exp3"), ("exp3", "exp4")):
         manifest = load_checkpoint(out / rules / LAST).manifest
         assert manifest.ruleset == rules
@@ -82,24 +83,40 @@ def test_the_command_trains_all_four_stages_and_goes_on(arena: Run, tmp_path: Pa
 
     for name in ("state.pt", LAST, SETTINGS):
         (out / "exp4" / name).unlink()
-    again = arena("train", "--method", "reinforce", "--curriculum", "paper", "--resume", "--out", out)
-    assert again.returncode == 0, again.stderr
-    assert again.stdout.count("trained:") == 1
+    train("--method", "reinforce", "--curriculum", "paper", "--resume", "--out", out)
+    assert capsys.readouterr().out.count("trained:") == 1
     assert load_checkpoint(out / "exp4" / LAST).manifest.training["settings"]["batch"] == 20
 
 
-@pytest.mark.parametrize(("arguments", "reason"), [
+REFUSED = [
     (("--method", "reinforce", "--curriculum", "paper", "--stage", "exp3"), "exp3 starts from stage exp2"),
     (("--curriculum", "paper"), "--curriculum is for the method reinforce"),
     (("--method", "reinforce", "--stage", "exp1"), "--stage"),
     (("--method", "reinforce", "--device", "cuda"), "no GPU"),
     (("--method", "reinforce", "--start", "clone:rush"), "clone"),
-    (("--device", "cuda:7",), "must be cpu or cuda"),
+    (("--device", "cuda:7"), "must be cpu or cuda"),
     (("--episodes", "5"), "--episodes is for the method reinforce"),
-])  # fmt: skip
-def test_what_cannot_be_is_refused_with_one_sentence(arena: Run, tmp_path: Path, arguments: tuple[str, ...], reason: str) -> None:
+]
+
+
+@pytest.mark.parametrize(("arguments", "reason"), REFUSED)
+def test_what_cannot_be_is_refused_with_one_sentence(
+    train: Train, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], reason: str
+) -> None:
     if "no GPU" in reason and torch.cuda.is_available():
         pytest.skip("there is a GPU here")
+    with pytest.raises(SystemExit) as ended:
+        train(*arguments, "--out", tmp_path / "run")
+    said = capsys.readouterr().err
+
+    assert ended.value.code == 2
+    assert reason in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_process_that_refuses_says_nothing_but_that_sentence(arena: Run, tmp_path: Path) -> None:
+    arguments, reason = REFUSED[0]
     done = arena("train", *arguments, "--out", tmp_path / "run")
 
     assert done.returncode == 2

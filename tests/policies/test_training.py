@@ -275,31 +275,13 @@ def test_settings_name_what_is_wrong() -> None:
         from_dict({"gamma": "much"})
 
 
-def test_two_processes_train_one_network(tmp_path: Path) -> None:
-    command = [
-        sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", "--no-python", "--",
-        sys.executable, "-c", "from arena.cli import main; main()", "train", "--start", "clone:rush", "--samples", "300",
-        "--out", str(tmp_path / "run"), "--set", "games=8", "--set", "horizon=6", "--set", "minibatch=24", "--set", "channels=8",
-        "--set", "blocks=1", "--set", "clone_samples=60", "--set", "critic_warmup=1",
-        *(f"--set=opponents.{name}=0" for name in ("role_team", "roomba", "fighter")),
-    ]  # fmt: skip
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=300, check=False, env={**os.environ, "OMP_NUM_THREADS": "1"}
-    )
-
-    assert done.returncode == 0, done.stderr
-    assert "trained" in done.stdout
-    told = json.loads((tmp_path / "run" / "settings.json").read_text())
-    assert told["settings"]["games"] == 8
-    assert {row["stage"] for row in rows_of(tmp_path / "run")} == {"clone", "ppo"}
-
-
 RANKS = """
 import sys
 import torch
 sys.path.append({folder!r})
 from test_training import FULL, PAPER, SETTINGS, SMALL, Results, collect, make_learner, make_player, replace
-from policies.training.parallel import join_processes, leave_processes
+from arena.cli import main
+from policies.training.parallel import join_processes
 
 processes = join_processes()
 settings = replace(SETTINGS, opponents={{"rush": 1.0}})
@@ -315,23 +297,34 @@ together = gradients(processes, *processes.share(settings.games))
 if processes.is_first:
     alone = gradients(type(processes)(), 0, settings.games)
     print("difference", float((together - alone).norm() / alone.norm()), "norm", float(alone.norm()))
-leave_processes()
+sys.argv[0] = "arena"
+main()  # the same processes train, and part at the end
 """
 
 
-def test_two_processes_have_the_gradient_of_one(tmp_path: Path) -> None:
+def test_two_processes_have_the_gradient_of_one_and_train_one_network(tmp_path: Path) -> None:
     script = tmp_path / "ranks.py"
     script.write_text(RANKS.format(folder=str(Path(__file__).parent)))
-    command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", str(script)]
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=300, check=False, env={**os.environ, "OMP_NUM_THREADS": "1"}
-    )
+    command = [
+        sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", "--", str(script),
+        "train", "--start", "clone:rush", "--samples", "300",
+        "--out", str(tmp_path / "run"), "--set", "games=8", "--set", "horizon=6", "--set", "minibatch=24", "--set", "channels=8",
+        "--set", "blocks=1", "--set", "clone_samples=60", "--set", "critic_warmup=1",
+        *(f"--set=opponents.{name}=0" for name in ("role_team", "roomba", "fighter")),
+    ]  # fmt: skip
+    allocator = dict.fromkeys(("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"), "1073741824")  # else `train` starts anew
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", **allocator}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, env=environment)
 
     assert done.returncode == 0, done.stderr
     told = done.stdout.split()
     assert float(told[told.index("norm") + 1]) > 1e-3
     # Parts differ in how many units live, by which each is weighted, and in the order of sums in bf16.
     assert float(told[told.index("difference") + 1]) < 0.1
+    assert done.stdout.count("trained") == 1
+    kept = json.loads((tmp_path / "run" / "settings.json").read_text())
+    assert kept["settings"]["games"] == 8
+    assert {row["stage"] for row in rows_of(tmp_path / "run")} == {"clone", "ppo"}
 
 
 def test_colours_are_learned_from_alike() -> None:

@@ -3,9 +3,11 @@
 import csv
 import os
 import pty
-import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -20,25 +22,28 @@ from policies.training.reinforce_settings import ReinforceSettings
 from policies.training.settings import Settings
 
 torch.set_num_threads(1)
-FOUR_ROUNDS = (
-    "train", "--method", "reinforce", "--episodes", "8", "--set", "window=7", "--set", "batch=20", "--set", "update_every=2",
-)  # fmt: skip
+FOUR_ROUNDS = ("--method", "reinforce", "--episodes", 8, "--set", "window=7", "--set", "batch=20", "--set", "update_every=2")
 
 
-def test_a_terminal_is_shown_a_bar_with_the_win_rate_and_the_time_left(tmp_path: Path) -> None:
+def test_a_terminal_is_shown_a_bar_with_the_win_rate_and_the_time_left(
+    train: Callable[..., None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "200")
     master, slave = pty.openpty()
-    command = [sys.executable, "-c", "from arena.cli import main; main()", *FOUR_ROUNDS, "--out", str(tmp_path / "run")]
-    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "200"}
-    with subprocess.Popen(command, stderr=slave, stdout=subprocess.PIPE, env=environment) as process:
-        os.close(slave)
-        shown = b""
-        while True:
-            try:
-                part = os.read(master, 65_536)
-            except OSError:  # the last who wrote has gone
-                break
-            shown += part
-        assert process.wait(timeout=120) == 0
+    shown = bytearray()
+
+    def read() -> None:
+        with suppress(OSError):  # the last who wrote has gone
+            while part := os.read(master, 65_536):
+                shown.extend(part)
+
+    reader = Thread(target=read)
+    reader.start()
+    with os.fdopen(slave, "w") as terminal, monkeypatch.context() as changed:
+        changed.setattr(sys, "stderr", terminal)
+        train(*FOUR_ROUNDS, "--out", tmp_path / "run")
+    reader.join(120)
     os.close(master)
     text = shown.decode()
 
@@ -47,16 +52,18 @@ def test_a_terminal_is_shown_a_bar_with_the_win_rate_and_the_time_left(tmp_path:
 
 
 def test_the_benchmark_compares_the_loop_with_what_the_cores_multiply(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")  # more would only wait for each other here
+    monkeypatch.setattr(benchmark, "has_fast_bf16", lambda: False)  # measured here, where it costs no process
     for name, small in {"MATCHES": 1, "MULTIPLIED": 64, "BATCH": 60, "RUNS": 1}.items():
         monkeypatch.setattr(benchmark, name, small)
     said: list[str] = []
     found = benchmark.run(said.append)
 
     assert said == [name for name in found if name != "threads"]
-    assert said[:2] == ["fp32_as_it_comes", "fp32"]
-    for name in said:
-        assert all(value > 0 for value in found[name].values())
-        assert found[name]["loop_network_share"] <= 1
+    assert said == ["fp32_as_it_comes", "fp32"]
+    for figures in (*(found[name] for name in said), benchmark.measure(True, 1, 64, 60, 1)):
+        assert all(value > 0 for value in figures.values())
+        assert figures["loop_network_share"] <= 1
 
 
 def test_the_cost_of_a_view_is_that_of_table_5() -> None:

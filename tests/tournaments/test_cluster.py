@@ -3,6 +3,7 @@
 import fcntl
 import json
 import logging
+import re
 import socket
 import subprocess
 import sys
@@ -15,13 +16,14 @@ from typing import Any
 import pytest
 from ray.cluster_utils import Cluster
 
+import tournaments.cluster
 from arena.errors import ArenaError, InputError
 from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load as load_rules
 from arena.game.types import RULES_VERSION
 from arena.jit import cache_root
 from arena.referee.local import MatchPlan, strip
-from tournaments.cluster import TRIES, Refusal, play, play_task
+from tournaments.cluster import Refusal, play, play_task
 from tournaments.fixture import plan_fixture
 from tournaments.outcome import Outcome
 from tournaments.parcel import pack
@@ -67,13 +69,6 @@ def two_nodes(folder: Path) -> Iterator[Cluster]:
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     with two_nodes(tmp_path_factory.mktemp("cache")) as cluster:
-        yield cluster
-
-
-@pytest.fixture
-def doomed(tmp_path: Path) -> Iterator[Cluster]:
-    """Lend a cluster whose second node may be killed."""
-    with two_nodes(tmp_path / "cache") as cluster:
         yield cluster
 
 
@@ -154,6 +149,7 @@ def by_identity(outcomes: Iterator[Outcome]) -> dict[str, Outcome]:
     return found
 
 
+@pytest.mark.usefixtures("one_core")
 def test_two_nodes_play_what_one_process_plays(cluster: Cluster, tmp_path: Path) -> None:
     (tmp_path / "north.py").write_text(GOING_NORTH)
     entries = {"rush": "rush", "random": "random", "north": str(tmp_path / "north.py")}
@@ -166,45 +162,23 @@ def test_two_nodes_play_what_one_process_plays(cluster: Cluster, tmp_path: Path)
     assert journals_in(tmp_path / "ray") == journals_in(tmp_path / "local")
 
 
-def test_a_node_that_is_killed_loses_nothing(
-    doomed: Cluster, witness: Witness, tmp_path: Path, caplog: pytest.LogCaptureFixture
+def test_a_fighter_that_ends_its_process_is_not_tried_for_ever(
+    cluster: Cluster, witness: Witness, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    entries = {"rush": "rush", "patrol": "patrol", "here": witness.bot(tmp_path / "here.py")}
-
-    alone = by_identity(play_local(setting_of(entries, tmp_path / "local"), plans_of(entries)))
-    witness.shut_gate()
-    [second] = doomed.worker_nodes
-
-    def kill() -> None:
-        try:
-            witness.wait_for(second)
-            doomed.remove_node(second, allow_graceful=False)
-        finally:
-            witness.open_gate()
-
-    with ThreadPoolExecutor(1) as beside, caplog.at_level(logging.WARNING, "tournaments.cluster"):
-        killed = beside.submit(kill)
-        together = by_identity(play_ray(setting_of(entries, tmp_path / "ray"), plans_of(entries)))
-        killed.result(PATIENCE_S)
-
-    assert "are begun again: Task failed because the node it was running on is dead" in caplog.text
-    assert together == alone
-    assert journals_in(tmp_path / "ray") == journals_in(tmp_path / "local")
-
-
-def test_a_fighter_that_ends_its_process_is_not_tried_for_ever(cluster: Cluster, witness: Witness, tmp_path: Path) -> None:
+    tries = 2
+    monkeypatch.setattr(tournaments.cluster, "TRIES", tries)
     entries = {"bad": witness.bot(tmp_path / "bad.py", then="os._exit(3)"), "random": "random"}
     plans = plans_of(entries)[:1]
 
-    with pytest.raises(ArenaError, match=rf"1 matches of bad against random were begun {TRIES} times and never ended"):
+    with pytest.raises(ArenaError, match=rf"1 matches of bad against random were begun {tries} times and never ended"):
         list(play(RULES, plans, entries, journals=tmp_path / "journals"))
 
-    assert witness.count() == TRIES
+    assert witness.count() == tries
 
 
 def test_a_bug_is_raised_at_once(cluster: Cluster, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     with pytest.raises(KeyError, match="random"):
-        list(play(RULES, plans_of({"rush": "", "random": ""}), {"rush": "rush"}, journals=tmp_path))
+        list(play(RULES, plans_of({"rush": "", "random": ""})[:1], {"rush": "rush"}, journals=tmp_path))
 
     assert "begun again" not in caplog.text
 
@@ -215,9 +189,17 @@ def test_a_machine_that_cannot_load_a_fighter_says_so_in_a_sentence(cluster: Clu
     entries = {"bad": str(tmp_path / "bad.py"), "random": "random"}
 
     with pytest.raises(InputError, match=r"^machine .* of the cluster: .*bad\.py, line 1: .*No module named 'beside'$"):
-        list(play(RULES, plans_of(entries), entries, journals=tmp_path / "journals"))
-    with pytest.raises(InputError, match=r"^machine .* of the cluster: unknown policy 'wolf'"):
-        list(play(RULES, plans_of({"wolf": "wolf", "random": "random"}), {"wolf": "wolf", "random": "random"}, journals=tmp_path))
+        list(play(RULES, plans_of(entries)[:1], entries, journals=tmp_path / "journals"))
+
+
+def test_a_machine_that_does_not_know_a_fighter_says_so_in_a_sentence() -> None:
+    entries = {"wolf": "wolf", "random": "random"}
+
+    refusal = play_task(RULES, strip(plans_of(entries)), pack(entries), RULES_VERSION)
+
+    assert isinstance(refusal, Refusal)
+    assert refusal.is_input
+    assert re.match(r"machine .* of the cluster: unknown policy 'wolf'", refusal.sentence)
 
 
 def test_who_leaves_early_can_begin_again(cluster: Cluster, tmp_path: Path) -> None:
@@ -230,6 +212,34 @@ def test_who_leaves_early_can_begin_again(cluster: Cluster, tmp_path: Path) -> N
 
     assert first == rest[first.identity]
     assert len(rest) == 6
+
+
+@pytest.mark.usefixtures("one_core")
+def test_a_node_that_is_killed_loses_nothing(
+    cluster: Cluster, witness: Witness, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    entries = {"rush": "rush", "patrol": "patrol", "here": witness.bot(tmp_path / "here.py")}
+
+    alone = by_identity(play_local(setting_of(entries, tmp_path / "local"), plans_of(entries)))
+    witness.shut_gate()
+    third = cluster.add_node(num_cpus=1)  # the others are left as they were
+    cluster.wait_for_nodes()
+
+    def kill() -> None:
+        try:
+            witness.wait_for(third)
+            cluster.remove_node(third, allow_graceful=False)
+        finally:
+            witness.open_gate()
+
+    with ThreadPoolExecutor(1) as beside, caplog.at_level(logging.WARNING, "tournaments.cluster"):
+        killed = beside.submit(kill)
+        together = by_identity(play_ray(setting_of(entries, tmp_path / "ray"), plans_of(entries)))
+        killed.result(PATIENCE_S)
+
+    assert "are begun again: Task failed because the node it was running on is dead" in caplog.text
+    assert together == alone
+    assert journals_in(tmp_path / "ray") == journals_in(tmp_path / "local")
 
 
 def test_a_machine_with_other_rules_plays_nothing() -> None:
@@ -277,12 +287,14 @@ def test_a_league_plays_on_a_cluster_of_its_own_and_stdout_is_the_document_s(
     assert "ray" not in done.stderr.replace("(ray)", "").replace("venue ray", "").lower()
 
 
-def test_without_ray_the_way_out_is_named(tmp_path: Path) -> None:
+def test_without_ray_the_way_out_is_named(
+    here: Callable[..., subprocess.CompletedProcess[str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     (tmp_path / "friday.toml").write_text(LEAGUE)
-    code = "import sys; sys.modules['ray'] = None; from arena.cli import main; main()"
-    command = [sys.executable, "-c", code, "tournament", "run", str(tmp_path / "friday.toml"), "--data", str(tmp_path)]
+    monkeypatch.setitem(sys.modules, "ray", None)
+    monkeypatch.delitem(sys.modules, "tournaments.cluster")
 
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    done = here("tournament", "run", tmp_path / "friday.toml", "--data", tmp_path)
 
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "arena: the venue ray needs Ray, which is not installed here: pip install 'arena-pit[cluster]'\n"

@@ -17,6 +17,8 @@ WINNERS = (Team.BLUE, None, Team.RED)
 SEATS = {team: SeatOutcome() for team in Team}
 NU = 2 / 9
 """Equals draw a tenth of their matches."""
+DRAWS = (300, 1_000)
+"""Of the bootstrap, for each league; the fewer cost less than a hundredth of the coverage."""
 
 
 def play(elos: Sequence[float], n_pairs: int, rng: np.random.Generator, *, side_elo: float = 0.0) -> list[Outcome]:
@@ -47,14 +49,16 @@ class Study:
     sided: list[bool] = field(default_factory=list)
 
 
-def study(elos: Sequence[float], n_pairs: int, n_leagues: int, *, side_elo: float = 0.0, are_maps_fresh: bool = False) -> Study:
+def study(
+    elos: Sequence[float], n_pairs: int, n_leagues: int, n_draws: int, *, side_elo: float = 0.0, are_maps_fresh: bool = False
+) -> Study:
     names = [f"{number:02}" for number in range(len(elos))]
     true = np.array(elos) - np.mean(elos)
     ranks = 1 + np.argsort(np.argsort(-true))
     seen = Study()
     for seed in range(n_leagues):
         outcomes = play(elos, n_pairs, np.random.default_rng(seed), side_elo=side_elo)
-        found = rate(names, outcomes, are_maps_fresh=are_maps_fresh, n_draws=1_000)
+        found = rate(names, outcomes, are_maps_fresh=are_maps_fresh, n_draws=n_draws)
         entries = [found.entries[name] for name in names]
         seen.covered.append([entry.elo_low <= elo <= entry.elo_high for entry, elo in zip(entries, true, strict=True)])
         seen.ranked.append([entry.rank_low <= rank <= entry.rank_high for entry, rank in zip(entries, ranks, strict=True)])
@@ -69,7 +73,7 @@ def slack(share: float, n: int) -> float:
 
 def test_intervals_cover_the_truth_as_often_as_they_say(size: Callable[[int, int], int]) -> None:
     n_leagues = size(40, 1_000)
-    seen = study(np.linspace(-200, 200, 8), 50, n_leagues, side_elo=30)
+    seen = study(np.linspace(-200, 200, 8), 50, n_leagues, size(*DRAWS), side_elo=30)
     covered, ranked, sided = (float(np.mean(what)) for what in (seen.covered, seen.ranked, seen.sided))
     told = f"{covered:.4f} of the intervals, {ranked:.4f} of the rank ranges, {sided:.4f} of the side's intervals in {n_leagues}"
 
@@ -81,7 +85,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say(size: Callable[[int, int
 
 def test_intervals_over_matches_cover_as_well(size: Callable[[int, int], int]) -> None:
     n_leagues = size(40, 500)
-    seen = study((-150, -50, 50, 150), 10, n_leagues, side_elo=60, are_maps_fresh=True)
+    seen = study((-150, -50, 50, 150), 10, n_leagues, size(*DRAWS), side_elo=60, are_maps_fresh=True)
 
     assert abs(np.mean(seen.covered) - 0.95) <= 0.03 + slack(0.95, 4 * n_leagues)
 
@@ -90,7 +94,7 @@ def test_few_pairs_are_no_excuse(size: Callable[[int, int], int]) -> None:
     """Six pairs in all, for five parameters: drawn with replacement alone, a tenth of the truths lies outside."""
     n_leagues = size(60, 1_000)
 
-    assert np.mean(study((0, 0, 0), 2, n_leagues).covered) >= 0.92 - slack(0.92, 3 * n_leagues)
+    assert np.mean(study((0, 0, 0), 2, n_leagues, size(*DRAWS)).covered) >= 0.92 - slack(0.92, 3 * n_leagues)
 
 
 @pytest.mark.parametrize(("elos", "n_pairs"), [((0, 0, 0, 700), 10), ((-400, -400, 400, 400), 10), ((0, 600), 10)])
@@ -99,7 +103,7 @@ def test_who_won_everything_has_an_interval_that_covers(
 ) -> None:
     """Drawn with replacement alone, the interval of the first league's best covers 85%; of the last one's, under 80%."""
     n_leagues = size(60, 500)
-    seen = study(elos, n_pairs, n_leagues)
+    seen = study(elos, n_pairs, n_leagues, size(*DRAWS))
 
     assert np.mean([league[-1] for league in seen.covered]) >= 0.93 - slack(0.93, n_leagues)
 

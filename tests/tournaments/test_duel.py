@@ -210,12 +210,13 @@ def test_every_report_tells_the_test(tmp_path: Path) -> None:
         assert f"{facts['matches_beyond']} matches beyond the deciding pair are stored and do not count" in told
 
 
-def test_the_commands_run_a_test_to_its_end(arena: Arena, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("one_core")
+def test_the_commands_run_a_test_to_its_end(here: Arena, tmp_path: Path) -> None:
     file, data = tmp_path / "duel.toml", tmp_path / "data"
     file.write_text('seed = 1\npairs = 100\npairing = "sprt"\nentries = ["rush", "random"]\n[sprt]\nelo1 = 100')
 
-    ran = arena("tournament", "run", file, "--venue", "local", "--data", data, "--json")
-    status = arena("tournament", "status", "--data", data, "--json")
+    ran = here("tournament", "run", file, "--venue", "local", "--data", data, "--json")
+    status = here("tournament", "status", "--data", data, "--json")
 
     document, events = json.loads(ran.stdout), [json.loads(line) for line in ran.stderr.splitlines()]
     assert document["sprt"]["verdict"] == "accepted"

@@ -20,14 +20,22 @@ from tournaments.store import Store, StoreError
 
 logger = logging.getLogger(__name__)
 
-BOT = "def act(observation):\n    return [1 + (observation.tick // 3 + unit.index + {turn}) % 4 for unit in observation.units]\n"
+BOT = """
+import time
+def act(observation):
+    time.sleep(0.001)
+    return [1 + (observation.tick // 3 + unit.index) % 4 for unit in observation.units]
+"""
 LEAGUES = {
-    # Python bots, so that a league takes its time; matches so short that a kill strikes between them often enough.
-    "local": "pairs = 40\n[rules]\ntick_limit = 40\n",
-    "network": "pairs = 10\nslots = 1\nturn_time_s = 0\ngrace_s = 60\n[rules]\ntick_limit = 15\n",
+    # A bot that takes its time, and so the league does; matches so short that a kill strikes between them often enough.
+    "local": "pairs = {n_pairs}\n[rules]\ntick_limit = 40\n",
+    "network": "pairs = {n_pairs}\nslots = 1\nturn_time_s = 0\ngrace_s = 60\n[rules]\ntick_limit = 15\n",
 }
+ENTRIES = {"one": "one.py", "two": "rush", "three": "patrol"}
+PAIRS = {"local": (20, 40), "network": (4, 10)}
+"""Between two entries: at small size, and at full size."""
 KILLS = {"local": (1, 8), "network": (2, 18)}
-"""In each of two stores: at small size, and at full size."""
+"""In each of two stores."""
 ANY_TIME, MOST_S = 0.25, 0.5
 """Share of the kills that come at any time since the last; how long after progress the others come."""
 AWAY = "its server must run, and let itself be reached from here"
@@ -135,24 +143,44 @@ def torment(league: LeagueProcess, kinds: list[str], n_kills: int, took_s: float
             assert AWAY in league.said.splitlines()[-1], league.said
 
 
-@pytest.mark.parametrize("venue", LEAGUES)
+@dataclass(frozen=True, kw_only=True)
+class Undisturbed:
+    """A league, and what it comes to where nothing is killed."""
+
+    venue: str
+    file: Path
+    expected: dict[str, Any]
+    took_s: float
+
+
+@pytest.fixture(scope="module", params=LEAGUES)
+def undisturbed(
+    request: pytest.FixtureRequest, size: Callable[[int, int], int], tmp_path_factory: pytest.TempPathFactory
+) -> Undisturbed:
+    """Run a league once, for all stores."""
+    venue, folder = request.param, tmp_path_factory.mktemp(request.param)
+    (folder / "one.py").write_text(BOT)
+    entries = "".join(f"{name} = {json.dumps(spec)}\n" for name, spec in ENTRIES.items())
+    file = folder / "friday.toml"
+    file.write_text(f"seed = 1\n{LEAGUES[venue].format(n_pairs=size(*PAIRS[venue]))}[entries]\n{entries}")
+    with pytest.MonkeyPatch.context() as patch, LeagueProcess(file, venue, folder / "data", str(folder / "arena.db")) as league:
+        patch.setenv("ARENA_CONFIG", str(folder / "config"))
+        begun_s = time.monotonic()
+        league.start()
+        assert league.finish() == 0, league.said
+        return Undisturbed(venue=venue, file=file, expected=facts(league), took_s=time.monotonic() - begun_s)
+
+
 def test_whatever_is_killed_the_league_ends_as_if_nothing_had_been(
-    venue: str, store_url: str, size: Callable[[int, int], int], tmp_path: Path, request: pytest.FixtureRequest
+    undisturbed: Undisturbed,
+    store_url: str,
+    size: Callable[[int, int], int],
+    tmp_path: Path,
+    request: pytest.FixtureRequest,
 ) -> None:
+    venue = undisturbed.venue
     cluster = request.getfixturevalue("cluster") if store_url.startswith("postgresql") else None
     kinds = ["scheduler"] + ["referee"] * (venue == "network") + ["database"] * (cluster is not None)
-    file = tmp_path / "friday.toml"
-    entries = []
-    for turn, name in enumerate(("one", "two", "three")):
-        (tmp_path / f"{name}.py").write_text(BOT.format(turn=turn))
-        entries.append(f"{name} = {json.dumps(str(tmp_path / f'{name}.py'))}\n")
-    file.write_text(f"seed = 1\n{LEAGUES[venue]}[entries]\n{''.join(entries)}")
-    with LeagueProcess(file, venue, tmp_path / "undisturbed", str(tmp_path / "undisturbed.db")) as undisturbed:
-        begun_s = time.monotonic()
-        undisturbed.start()
-        assert undisturbed.finish() == 0, undisturbed.said
-        took_s = time.monotonic() - begun_s
-        expected = facts(undisturbed)
 
     strikes: list[Strike] = []
     wanted = size(*KILLS[venue])
@@ -161,10 +189,10 @@ def test_whatever_is_killed_the_league_ends_as_if_nothing_had_been(
             break
         assert number < 3 * wanted, "a league is over before it is struck"
         url = f"{tmp_path / f'{number}.db'}" if cluster is None else cluster.make_database()
-        with LeagueProcess(file, venue, tmp_path / str(number), url) as league:
-            struck = torment(league, kinds, wanted - len(strikes), took_s, cluster)
+        with LeagueProcess(undisturbed.file, venue, tmp_path / str(number), url) as league:
+            struck = torment(league, kinds, wanted - len(strikes), undisturbed.took_s, cluster)
         strikes += struck
-        assert facts(league) == expected
+        assert facts(league) == undisturbed.expected
         for strike in struck:
             if strike.what != "database":  # which ends no match
                 assert {path: path.stat().st_mtime_ns for path in strike.whole} == strike.whole, "a match was played twice"

@@ -67,6 +67,7 @@ def without_wall(report: Report) -> str:
     return json.dumps(facts)
 
 
+@pytest.mark.usefixtures("one_core")
 def test_a_league_that_was_stopped_ends_in_the_same_report(tmp_path: Path) -> None:
     undisturbed = run(tmp_path / "one", play_local)
 
@@ -280,6 +281,7 @@ def read_page(page: str) -> Reader:
     return reader
 
 
+@pytest.mark.usefixtures("one_core")
 def test_the_page_fetches_nothing_and_its_links_lead_to_journals(tmp_path: Path) -> None:
     report = run(tmp_path, play_local)
     place = tmp_path / "reports" / "friday.html"
@@ -321,15 +323,15 @@ def test_a_league_without_results_has_a_report(tmp_path: Path) -> None:
     read_page(to_html(report, tmp_path / "a.html", tmp_path))
 
 
-def test_the_commands_play_a_league_and_tell_it_alike(arena: Arena, tmp_path: Path) -> None:
+def test_the_commands_play_a_league_and_tell_it_alike(arena: Arena, here: Arena, tmp_path: Path) -> None:
     file, data = tmp_path / "friday.toml", tmp_path / "data"
     file.write_text(LEAGUE)
 
     ran = arena("tournament", "run", file, "--venue", "local", "--data", data, "--json")
-    told = arena("tournament", "report", file, "--data", data, "--json")
-    led = arena("leaderboard", "--data", data)
-    status = arena("tournament", "status", "--data", data, "--json")
-    out = arena("leaderboard", "--league", "friday", "--data", data, "--format", "html", "--out", tmp_path / "page.html")
+    told = here("tournament", "report", file, "--data", data, "--json")
+    led = here("leaderboard", "--data", data)
+    status = here("tournament", "status", "--data", data, "--json")
+    out = here("leaderboard", "--league", "friday", "--data", data, "--format", "html", "--out", tmp_path / "page.html")
 
     documents = [json.loads(done.stdout) for done in (ran, told)]
     for document in documents:
@@ -344,9 +346,9 @@ def test_the_commands_play_a_league_and_tell_it_alike(arena: Arena, tmp_path: Pa
     assert len(list((data / "journals" / "friday").glob("*.journal"))) == 12
 
 
-def test_the_commands_refuse_in_one_sentence(arena: Arena, tmp_path: Path) -> None:
+def test_the_commands_refuse_in_one_sentence(here: Arena, tmp_path: Path) -> None:
     file = tmp_path / "new.toml"
-    assert arena("tournament", "init", file).returncode == 0
+    assert here("tournament", "init", file).returncode == 0
     for arguments in (
         ("tournament", "init", file),
         ("tournament", "run", tmp_path / "gone.toml", "--data", tmp_path),
@@ -354,7 +356,7 @@ def test_the_commands_refuse_in_one_sentence(arena: Arena, tmp_path: Path) -> No
         ("leaderboard", "--data", tmp_path),
         ("leaderboard", "--data", tmp_path, "--format", "pdf"),
     ):
-        done = arena(*arguments)
+        done = here(*arguments)
         assert (done.returncode, done.stdout) == (2, "")
         assert done.stderr.count("\n") == 1
         assert done.stderr.startswith("arena: ")

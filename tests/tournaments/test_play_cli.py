@@ -49,30 +49,30 @@ def is_one_sentence(done: subprocess.CompletedProcess[str], exit_code: int, says
     return (done.returncode, done.stdout, len(said)) == (exit_code, "", 1) and said[0].startswith("arena: ") and says in said[0]
 
 
-def test_the_same_seed_gives_the_same_journals(arena: Run, tmp_path: Path, size: Callable[[int, int], int]) -> None:
+def test_the_same_seed_gives_the_same_journals(arena: Run, here: Run, tmp_path: Path, size: Callable[[int, int], int]) -> None:
     n_pairs = size(10, 100)
-    for folder in ("one", "other"):
-        done = arena("play", "rush", "patrol", "--pairs", n_pairs, "--seed", 1, "--journals", tmp_path / folder)
+    for run, folder, workers in ((arena, "one", ()), (here, "other", ("--workers", 1))):
+        done = run("play", "rush", "patrol", "--pairs", n_pairs, "--seed", 1, *workers, "--journals", tmp_path / folder)
         assert done.returncode == 0, done.stderr
 
     names = sorted(path.name for path in (tmp_path / "one").iterdir())
     assert len(names) == 2 * n_pairs
     assert cmpfiles(tmp_path / "one", tmp_path / "other", names, shallow=False) == (names, [], [])
-    verified = arena("replay", "verify", tmp_path / "one", tmp_path / "other")
+    verified = here("replay", "verify", tmp_path / "one", tmp_path / "other")
     assert (verified.returncode, verified.stdout.splitlines()[-1]) == (0, f"{4 * n_pairs} of {4 * n_pairs} journals hold")
 
 
-def test_another_seed_gives_other_journals(arena: Run, tmp_path: Path) -> None:
+def test_another_seed_gives_other_journals(here: Run, tmp_path: Path) -> None:
     for seed in (1, 2):
-        arena("play", "rush", "patrol", "--pairs", 1, "--seed", seed, "--workers", 1, "--journals", tmp_path / str(seed))
+        here("play", "rush", "patrol", "--pairs", 1, "--seed", seed, "--workers", 1, "--journals", tmp_path / str(seed))
     one, other = ([path.read_bytes() for path in sorted((tmp_path / str(seed)).iterdir())] for seed in (1, 2))
 
     assert len(one) == len(other) == 2
     assert not set(one) & set(other)
 
 
-def test_json_says_everything_from_the_first_one_s_side(arena: Run) -> None:
-    found = facts(arena("play", "rush", "patrol", "--pairs", 5, "--seed", 1, "--workers", 1, "--json"))
+def test_json_says_everything_from_the_first_one_s_side(here: Run) -> None:
+    found = facts(here("play", "rush", "patrol", "--pairs", 5, "--seed", 1, "--workers", 1, "--json"))
 
     assert (found["a"], found["b"], found["rules"], found["seed"], found["pairs"], found["journals"]) == (
         "rush",
@@ -88,9 +88,9 @@ def test_json_says_everything_from_the_first_one_s_side(arena: Run) -> None:
     assert len(found["rules_hash"]) == 64
 
 
-def test_the_table_says_the_same(arena: Run, tmp_path: Path) -> None:
+def test_the_table_says_the_same(here: Run, tmp_path: Path) -> None:
     arguments = ("play", "rush", "patrol", "--pairs", 5, "--seed", 1, "--workers", 1)
-    found, text = facts(arena(*arguments, "--json")), arena(*arguments, "--journals", tmp_path).stdout
+    found, text = facts(here(*arguments, "--json")), here(*arguments, "--journals", tmp_path).stdout
 
     [row] = [line.split() for line in text.splitlines() if line.strip().startswith("rush")]
     assert row[1:4] == [str(found[key]) for key in ("wins", "draws", "losses")]
@@ -100,34 +100,34 @@ def test_the_table_says_the_same(arena: Run, tmp_path: Path) -> None:
     assert f"journals: {tmp_path}" in text
 
 
-def test_without_a_seed_a_fresh_one_is_drawn_and_said(arena: Run) -> None:
+def test_without_a_seed_a_fresh_one_is_drawn_and_said(here: Run) -> None:
     arguments = ("play", "random", "random", "--pairs", 1, "--workers", 1, "--json", "--set", "tick_limit=2")
-    first, second = (facts(arena(*arguments)) for _ in range(2))
-    again = facts(arena(*arguments, "--seed", first["seed"]))
+    first, second = (facts(here(*arguments)) for _ in range(2))
+    again = facts(here(*arguments, "--seed", first["seed"]))
 
     assert first["seed"] != second["seed"]
     assert again == first
 
 
-def test_a_fighter_can_play_itself(arena: Run) -> None:
-    found = facts(arena("play", "rush", "rush", "--pairs", 2, "--seed", 1, "--workers", 1, "--json"))
+def test_a_fighter_can_play_itself(here: Run) -> None:
+    found = facts(here("play", "rush", "rush", "--pairs", 2, "--seed", 1, "--workers", 1, "--json"))
 
     assert (found["a"], found["b"], set(found["faults"])) == ("rush", "rush-2", {"rush", "rush-2"})
 
 
-def test_bot_files_play_each_other(arena: Run, bot: Callable[..., Path]) -> None:
+def test_bot_files_play_each_other(here: Run, bot: Callable[..., Path]) -> None:
     one = bot(EAST)
     other = bot("class Sitter:\n    def act(self, observation):\n        return [0] * len(observation.units)\n", "sitter.py")
 
-    found = facts(arena("play", one, other, "--pairs", 2, "--seed", 1, "--workers", 1, "--json"))
+    found = facts(here("play", one, other, "--pairs", 2, "--seed", 1, "--workers", 1, "--json"))
 
     assert (found["a"], found["b"]) == ("mybot", "sitter")
     assert all(faults["raised"] == faults["illegal"] == 0 for faults in found["faults"].values())
 
 
-def test_a_bot_that_raises_is_counted_and_shown_once(arena: Run, bot: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_bot_that_raises_is_counted_and_shown_once(here: Run, bot: Callable[..., Path], tmp_path: Path) -> None:
     path = bot("def act(observation):\n    return observation.flag\n")
-    done = arena("play", path, "patrol", "--pairs", 3, "--seed", 1, "--workers", 1, "--journals", tmp_path / "journals")
+    done = here("play", path, "patrol", "--pairs", 3, "--seed", 1, "--workers", 1, "--journals", tmp_path / "journals")
 
     [row] = [line.split() for line in done.stdout.splitlines() if line.strip().startswith("mybot")]
     assert done.returncode == 0
@@ -135,32 +135,32 @@ def test_a_bot_that_raises_is_counted_and_shown_once(arena: Run, bot: Callable[.
     assert "mybot first failed like this:\nTraceback" in done.stderr
     assert "has no attribute 'flag'" in done.stderr
     assert (done.stderr.count("Traceback"), done.stderr.count('File "')) == (1, 1)
-    assert arena("replay", "verify", tmp_path / "journals").returncode == 0
+    assert here("replay", "verify", tmp_path / "journals").returncode == 0
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_what_bots_print_does_not_spoil_the_document(arena: Run, bot: Callable[..., Path], workers: int) -> None:
+def test_what_bots_print_does_not_spoil_the_document(here: Run, bot: Callable[..., Path], workers: int) -> None:
     path = bot(
         "import os\nprint('imported')\n\n"
         "def act(observation):\n    os.write(1, b'raw\\n')\n    print('acts')\n    return [0] * len(observation.units)\n"
     )
 
-    done = arena("play", path, "random", "--pairs", 1, "--seed", 1, "--json", "--workers", workers, "--set", "tick_limit=3")
+    done = here("play", path, "random", "--pairs", 1, "--seed", 1, "--json", "--workers", workers, "--set", "tick_limit=3")
 
     assert facts(done)["pairs"] == 1
     assert {"imported", "acts", "raw"} <= set(done.stderr.split())
 
 
-def test_a_bot_that_kills_its_process_is_one_sentence(arena: Run, bot: Callable[..., Path]) -> None:
+def test_a_bot_that_kills_its_process_is_one_sentence(here: Run, bot: Callable[..., Path]) -> None:
     path = bot("import os\n\ndef act(observation):\n    os._exit(3)\n")
 
-    assert is_one_sentence(arena("play", path, "random", "--workers", 2), 1, "a worker died: a fighter ended its process")
+    assert is_one_sentence(here("play", path, "random", "--workers", 2), 1, "a worker died: a fighter ended its process")
 
 
-def test_an_exit_of_a_bot_ends_nothing(arena: Run, bot: Callable[..., Path]) -> None:
+def test_an_exit_of_a_bot_ends_nothing(here: Run, bot: Callable[..., Path]) -> None:
     path = bot("import sys\n\ndef act(observation):\n    sys.exit('enough')\n")
 
-    found = facts(arena("play", path, "patrol", "--pairs", 1, "--seed", 1, "--workers", 1, "--json"))
+    found = facts(here("play", path, "patrol", "--pairs", 1, "--seed", 1, "--workers", 1, "--json"))
 
     assert found["faults"]["mybot"]["raised"] == found["ticks"]
     assert "SystemExit: enough" in found["faults"]["mybot"]["first_traceback"]
@@ -180,8 +180,8 @@ def test_an_exit_of_a_bot_ends_nothing(arena: Run, bot: Callable[..., Path]) -> 
         (["rush", "patrol", "--set", "side=4", "--set", "units.ugv.blue=14"], "use a larger side, fewer units or no obstacles"),
     ],
 )
-def test_wrong_input_is_one_sentence(arena: Run, arguments: list[str], says: str) -> None:
-    assert is_one_sentence(arena("play", *arguments), 2, says)
+def test_wrong_input_is_one_sentence(here: Run, arguments: list[str], says: str) -> None:
+    assert is_one_sentence(here("play", *arguments), 2, says)
 
 
 @pytest.mark.parametrize(
@@ -197,39 +197,39 @@ def test_wrong_input_is_one_sentence(arena: Run, arguments: list[str], says: str
         ("", "the side must be even"),
     ],
 )
-def test_a_board_that_cannot_be_played_is_one_sentence(arena: Run, tmp_path: Path, text: str, says: str) -> None:
+def test_a_board_that_cannot_be_played_is_one_sentence(here: Run, tmp_path: Path, text: str, says: str) -> None:
     (tmp_path / "board.txt").write_text(text)
 
-    assert is_one_sentence(arena("play", "rush", "patrol", "--board", tmp_path / "board.txt"), 2, says)
+    assert is_one_sentence(here("play", "rush", "patrol", "--board", tmp_path / "board.txt"), 2, says)
 
 
 @pytest.mark.parametrize("text", [BOARD_IN_LETTERS, BOARD_IN_NUMBERS], ids=["letters", "numbers"])
-def test_a_board_of_one_s_own_is_played_in_both_layouts(arena: Run, tmp_path: Path, text: str) -> None:
+def test_a_board_of_one_s_own_is_played_in_both_layouts(here: Run, tmp_path: Path, text: str) -> None:
     (tmp_path / "board.txt").write_text(text)
 
-    done = arena(
+    done = here(
         "play", "random", "random", "--board", tmp_path / "board.txt", "--pairs", 1, "--workers", 1, "--journals", tmp_path / "j"
     )
-    shown = arena("replay", "show", next((tmp_path / "j").iterdir()), "--tick", 0).stdout
+    shown = here("replay", "show", next((tmp_path / "j").iterdir()), "--tick", 0).stdout
 
     assert done.returncode == 0, done.stderr
     assert [line.split()[-4:] for line in shown.splitlines()[2:]] == [list("F·:u"), list("U·::"), list("··A:"), list("a·:f")]
 
 
-def test_a_board_that_is_not_text_is_one_sentence(arena: Run, tmp_path: Path) -> None:
+def test_a_board_that_is_not_text_is_one_sentence(here: Run, tmp_path: Path) -> None:
     (tmp_path / "board.txt").write_bytes(b"\xff\xfe\x00")
 
-    assert is_one_sentence(arena("play", "rush", "patrol", "--board", tmp_path / "board.txt"), 2, "it is not text")
+    assert is_one_sentence(here("play", "rush", "patrol", "--board", tmp_path / "board.txt"), 2, "it is not text")
 
 
-def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
+def test_a_full_disk_is_one_sentence(here: Run, tmp_path: Path) -> None:
     def allow_no_more_than_500_bytes() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500))
 
-    command = [*ARENA, "play", "random", "random", "--pairs", "1", "--workers", "1"]
-    subprocess.run(command, check=True, capture_output=True, timeout=300)  # the kernels are cached now
+    command = ["play", "random", "random", "--pairs", "1", "--workers", "1"]
+    assert here(*command).returncode == 0  # the kernels are cached now
     done = subprocess.run(
-        [*command, "--journals", str(tmp_path)],
+        [*ARENA, *command, "--journals", str(tmp_path)],
         capture_output=True,
         text=True,
         timeout=300,
@@ -257,8 +257,9 @@ def begin_slow_matches(bot: Callable[..., Path], workers: int) -> subprocess.Pop
     return playing
 
 
-@pytest.mark.parametrize("send", [os.kill, os.killpg], ids=["to it alone", "as a terminal does"])
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize(  # where no worker is, both reach one process
+    ("workers", "send"), [(1, os.killpg), (2, os.kill), (2, os.killpg)], ids=["one process", "to it alone", "as a terminal does"]
+)
 def test_an_interrupt_ends_it_without_a_word(bot: Callable[..., Path], workers: int, send: Callable[[int, int], None]) -> None:
     playing = begin_slow_matches(bot, workers)
 

@@ -53,7 +53,7 @@ def by_identity(outcomes: list[Outcome]) -> dict[str, Outcome]:
 
 def test_what_is_read_is_what_was_told_its_faults_included(tmp_path: Path) -> None:
     setting = make_setting(tmp_path)
-    told = by_identity(list(play_local(setting, PLANS)))
+    told = by_identity(list(play_local(setting, PLANS)))  # by workers, where there are cores
 
     assert by_identity(list(find_ended(setting.journals, RULES, PLANS))) == told
     assert len(told) == len(PLANS)
@@ -69,6 +69,7 @@ def test_a_seat_of_a_batch_that_plays_match_after_match_is_counted_anew_in_each(
         assert record.n_unreadable == tuple(sum(Mark.UNREADABLE in mark[team] for mark in marks) for team in Team)
 
 
+@pytest.mark.usefixtures("one_core")
 def test_no_match_that_has_a_whole_journal_is_played_again(tmp_path: Path) -> None:
     setting = make_setting(tmp_path)
     told = by_identity(list(play_local(setting, PLANS)))
@@ -82,6 +83,7 @@ def test_no_match_that_has_a_whole_journal_is_played_again(tmp_path: Path) -> No
     assert {path for path, at in written.items() if path.stat().st_mtime_ns != at} == {gone}
 
 
+@pytest.mark.usefixtures("one_core")
 def test_a_journal_that_was_cut_short_is_no_result(tmp_path: Path) -> None:
     setting, plan = make_setting(tmp_path), PLANS[0]
     list(play_local(setting, [plan]))
@@ -93,6 +95,7 @@ def test_a_journal_that_was_cut_short_is_no_result(tmp_path: Path) -> None:
         assert list(find_ended(setting.journals, RULES, [plan])) == [], n_bytes
 
 
+@pytest.mark.usefixtures("one_core")
 @pytest.mark.parametrize("what", ["keys", "rules", "colours", "orders"])
 def test_a_journal_that_is_not_the_plans_is_no_result(what: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     setting, plan, rules = make_setting(tmp_path), PLANS[0], RULES
@@ -157,6 +160,7 @@ def test_a_match_of_the_network_counts_the_same_whether_it_was_told_or_read(tmp_
     assert (outcome.ending, outcome.ticks) == (Ending.TICK_LIMIT, RULES.tick_limit)
 
 
+@pytest.mark.usefixtures("one_core")
 @pytest.mark.parametrize("play", [play_local, play_network])
 def test_a_void_match_is_no_result_and_is_played_again(
     play: Callable[[Setting, Sequence[MatchPlan]], Iterator[Outcome]], tmp_path: Path
@@ -172,6 +176,7 @@ def test_a_void_match_is_no_result_and_is_played_again(
     assert (again.ending, again.winner, again.ticks) == (outcome.ending, outcome.winner, outcome.ticks)
 
 
+@pytest.mark.usefixtures("one_core")
 def test_the_journals_of_another_league_are_set_aside_each_time_under_a_name_of_its_own(tmp_path: Path) -> None:
     setting = make_setting(tmp_path)
     list(play_local(setting, PLANS[:1]))
@@ -203,6 +208,7 @@ def lose(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
     yield
 
 
+@pytest.mark.usefixtures("one_core")
 @pytest.mark.parametrize("is_edited", [False, True])
 def test_what_was_played_counts_unless_the_league_was_edited_before_its_first_result(is_edited: bool, tmp_path: Path) -> None:
     file, bot, data = tmp_path / "friday.toml", tmp_path / "flawed.py", tmp_path / "data"

@@ -7,7 +7,11 @@ import subprocess
 import sys
 import threading
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from arena.game.ruleset import load
 from arena.keyring.files import make
@@ -18,29 +22,50 @@ ARENA = [sys.executable, "-c", "from arena.cli import main; main()"]
 PATIENCE_S = 120
 
 
-def test_a_remote_entry_joins_a_league_at_the_address_that_it_is_told(tmp_path: Path) -> None:
-    key, data = tmp_path / "far.key", tmp_path / "data"
+@dataclass(frozen=True, kw_only=True)
+class Played:
+    """A league, at the door of which first a stranger stood, and then the entry that it waits for."""
+
+    public: str
+    returncode: int
+    events: list[dict[str, Any]]
+    document: dict[str, Any]
+    stranger: subprocess.CompletedProcess[str]
+    said: str
+    data: Path
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Played:
+    folder = tmp_path_factory.mktemp("league")
+    key, thief, data, file = folder / "far.key", folder / "thief.key", folder / "data", folder / "friday.toml"
     public = make(key).fingerprint
-    file = tmp_path / "friday.toml"
+    make(thief)
     file.write_text(
         f'pairs = 2\nseed = 1\nmaps = "fresh"\n[rules]\ntick_limit = 10\n[entries]\nfar = "key:{public}"\nrush = "rush"\n'
     )
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1", "ARENA_CONFIG": str(folder / "config")}
     run = [*ARENA, "tournament", "run", str(file), "--data", str(data), "--json"]
-    league = subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    league = subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
     killer = threading.Timer(PATIENCE_S, league.kill)
     killer.start()
-    player = None
+    player = stranger = None
     try:
         assert league.stderr is not None
         events = []
         for line in league.stderr:
             events.append(json.loads(line))
             if events[-1]["event"] == "invitation":
-                command = shlex.split(events[-1]["command"])[1:]
-                command[command.index("FILE")] = str(key)
+                theirs, ours = (
+                    [str(path) if word == "FILE" else word for word in shlex.split(events[-1]["command"])[1:]]
+                    for path in (thief, key)
+                )
+                stranger = subprocess.run(
+                    [*ARENA, *theirs], capture_output=True, text=True, timeout=PATIENCE_S, check=False, env=environment
+                )
                 player = subprocess.Popen(
-                    [*ARENA, *command, "--policy", "patrol", "--data", str(tmp_path / "far")],
-                    stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                    [*ARENA, *ours, "--policy", "patrol", "--data", str(folder / "far")],
+                    stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment,
                 )  # fmt: skip
         said = player.communicate(timeout=PATIENCE_S)[0] if player else ""
         document = json.loads(league.stdout.read() if league.stdout else "")
@@ -51,37 +76,29 @@ def test_a_remote_entry_joins_a_league_at_the_address_that_it_is_told(tmp_path: 
                 with suppress(ProcessLookupError):
                     process.kill()
                 process.communicate()
+    assert stranger is not None
+    return Played(
+        public=public, returncode=league.returncode, events=events, document=document, stranger=stranger, said=said, data=data
+    )
 
-    assert league.returncode == 0
+
+def test_a_remote_entry_joins_a_league_at_the_address_that_it_is_told(played: Played) -> None:
+    events, document = played.events, played.document
+
+    assert played.returncode == 0
     assert [event["event"] for event in events] == ["begin", "invitation", *["match"] * 4, "end"]
     assert events[1]["entry"] == "far"
     assert document["matches"]["complete"]
-    assert document["league"]["entries"]["far"] == f"key:{public}"
+    assert document["league"]["entries"]["far"] == f"key:{played.public}"
     assert {row["entry"]: row["matches"] for row in document["standings"]} == {"far": 4, "rush": 4}
-    assert all(row["forfeits"] == 0 for row in document["standings"]), said
-    assert not (data / "keys" / "friday" / "entries" / "far.key").exists()
-    assert not (data / "journals" / "friday" / "far.log").exists()
+    assert all(row["forfeits"] == 0 for row in document["standings"]), played.said
+    assert not (played.data / "keys" / "friday" / "entries" / "far.key").exists()
+    assert not (played.data / "journals" / "friday" / "far.log").exists()
 
 
-def test_another_key_does_not_get_the_seat_of_a_remote_entry(tmp_path: Path) -> None:
-    owner, thief, data = make(tmp_path / "owner.key"), tmp_path / "thief.key", tmp_path / "data"
-    make(thief)
-    file = tmp_path / "friday.toml"
-    file.write_text(f'pairs = 1\nseed = 1\nmaps = "fresh"\n[entries]\nfar = "key:{owner.fingerprint}"\nrush = "rush"\n')
-    run = [*ARENA, "tournament", "run", str(file), "--data", str(data), "--progress", "json"]
-    league = subprocess.Popen(run, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    try:
-        assert league.stderr is not None
-        command = next(event["command"] for event in map(json.loads, league.stderr) if event["event"] == "invitation")
-        arguments = shlex.split(command)[1:]
-        arguments[arguments.index("FILE")] = str(thief)
-        joined = subprocess.run([*ARENA, *arguments], capture_output=True, text=True, timeout=PATIENCE_S, check=False)
-    finally:
-        league.terminate()
-        league.communicate(timeout=PATIENCE_S)
-
-    assert joined.returncode == 1
-    assert "the name far belongs to another key" in joined.stderr
+def test_another_key_does_not_get_the_seat_of_a_remote_entry(played: Played) -> None:
+    assert played.stranger.returncode == 1
+    assert "the name far belongs to another key" in played.stranger.stderr
 
 
 def test_who_listens_everywhere_is_reached_on_loopback(tmp_path: Path) -> None:

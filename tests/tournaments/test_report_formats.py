@@ -126,13 +126,14 @@ def test_plots_hold_what_they_show() -> None:
         assert "0" in [label for _, label in plot.ticks]
 
 
-def test_the_commands_print_every_format(arena: Arena, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("one_core")
+def test_the_commands_print_every_format(here: Arena, tmp_path: Path) -> None:
     file, data = tmp_path / "friday.toml", tmp_path / "data"
     file.write_text('pairs = 1\nseed = 1\nentries = ["rush", "random"]\n[rules]\ntick_limit = 2')
 
-    ran = arena("tournament", "run", file, "--venue", "local", "--data", data, "--format", "csv")
-    told = arena("tournament", "report", file, "--data", data, "--format", "md")
-    led = arena("leaderboard", "--data", data, "--format", "csv")
+    ran = here("tournament", "run", file, "--venue", "local", "--data", data, "--format", "csv")
+    told = here("tournament", "report", file, "--data", data, "--format", "md")
+    led = here("leaderboard", "--data", data, "--format", "csv")
 
     assert [done.returncode for done in (ran, told, led)] == [0, 0, 0]
     assert ran.stdout == led.stdout

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 from urllib.parse import unquote
 
 import pytest
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["browser"]
 
-SCHEMES = ("light", "dark")
+SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 EVIL = "</li><script>window.evil = 1</script><img src=x onerror='window.evil = 1'>"
 Show = Callable[..., "AbstractContextManager[Page]"]
 
@@ -164,6 +164,7 @@ TOUCHING = """() => [...document.querySelectorAll("svg")].flatMap(svg => {
     const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom - 2 && b.top < a.bottom - 2;
     return boxes.flatMap(([one, a], i) => boxes.slice(i + 1).filter(([, b]) => meet(a, b)).map(([other]) => [one, other]));
 })"""
+COLORS = "[getComputedStyle(document.body).backgroundColor, getComputedStyle(document.body).color]"
 SHADES = """() => [...document.querySelectorAll(".cross td[class^=s] button")].map(it =>
     [getComputedStyle(it.parentNode).backgroundColor, getComputedStyle(it).color])"""
 
@@ -180,24 +181,24 @@ def contrast(one: str, other: str) -> float:
     return (high + 0.05) / (low + 0.05)
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("width", WIDTHS)
-def test_nothing_is_cut_off_and_the_page_never_scrolls_sideways(
-    show: Show, report: Report, tmp_path: Path, width: int, scheme: str
-) -> None:
-    with show(report, width=width, scheme=scheme) as page:
-        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-        assert page.evaluate(OUTSIDE) == []
-        assert page.evaluate(TOUCHING) == []
-        page.screenshot(path=tmp_path / f"{scheme}-{width}.png", full_page=True)
-        page.add_style_tag(
-            content=".name { max-width: none !important; } .cross span { max-height: none !important; }"
-        )  # long names may be
-        assert page.evaluate(CLIPPED) == []
-        page.evaluate("document.querySelectorAll('details').forEach(it => it.open = true)")
-        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-
-    assert (tmp_path / f"{scheme}-{width}.png").stat().st_size > 20_000
+def test_nothing_is_cut_off_and_the_page_never_scrolls_sideways(show: Show, report: Report, tmp_path: Path, width: int) -> None:
+    with show(report, width=width) as page:
+        for scheme in SCHEMES:
+            page.emulate_media(color_scheme=scheme)
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+            assert page.evaluate(OUTSIDE) == []
+            assert page.evaluate(TOUCHING) == []
+            page.screenshot(path=tmp_path / f"{scheme}-{width}.png", full_page=True)
+            assert (tmp_path / f"{scheme}-{width}.png").stat().st_size > 20_000
+            style = page.add_style_tag(
+                content=".name { max-width: none !important; } .cross span { max-height: none !important; }"
+            )  # long names may be
+            assert page.evaluate(CLIPPED) == []
+            page.evaluate("document.querySelectorAll('details').forEach(it => it.open = true)")
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+            page.evaluate("document.querySelectorAll('details').forEach(it => it.open = false)")
+            style.evaluate("it => it.remove()")
 
 
 def test_the_longest_names_are_shortened(show: Show) -> None:
@@ -207,16 +208,17 @@ def test_the_longest_names_are_shortened(show: Show) -> None:
         assert page.evaluate(TOUCHING) == []
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_it_is_as_dark_as_the_reader_likes_and_every_shade_can_be_read(show: Show, report: Report, scheme: str) -> None:
-    with show(report, scheme=scheme) as page:
-        ground, ink = page.evaluate("[getComputedStyle(document.body).backgroundColor, getComputedStyle(document.body).color]")
-        shades = {tuple(shade) for shade in page.evaluate(SHADES)}
+def test_it_is_as_dark_as_the_reader_likes_and_every_shade_can_be_read(show: Show, report: Report) -> None:
+    with show(report) as page:
+        for scheme in SCHEMES:
+            page.emulate_media(color_scheme=scheme)
+            ground, ink = page.evaluate(COLORS)
+            shades = {tuple(shade) for shade in page.evaluate(SHADES)}
 
-    assert (luminance(ground) < luminance(ink)) is (scheme == "dark")
-    assert contrast(ground, ink) > 7
-    assert len(shades) > 5
-    assert min(contrast(*shade) for shade in shades) >= 4.5
+            assert (luminance(ground) < luminance(ink)) is (scheme == "dark")
+            assert contrast(ground, ink) > 7
+            assert len(shades) > 5
+            assert min(contrast(*shade) for shade in shades) >= 4.5
 
 
 def test_the_widest_table_scrolls_in_its_box(show: Show, report: Report) -> None:
@@ -291,7 +293,7 @@ def test_it_prints_in_black_on_white(show: Show, report: Report) -> None:
     assert luminance(ink) < 0.05
 
 
-def test_thirty_entries_fit_into_150_kb() -> None:
-    for n_pairs in (1, 3, 20):
+def test_thirty_entries_fit_into_150_kb(size: Callable[[int, int], int]) -> None:
+    for n_pairs in (1, 3, size(6, 20)):
         page = to_html(pretend(30, n_pairs, n_draws=3), Path("page.html"), Path("journals/friday"))
         assert len(page.encode()) < 150_000

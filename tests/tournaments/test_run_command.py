@@ -41,9 +41,12 @@ def test_paths_are_relative_to_where_it_is_typed_and_every_process_of_an_entry_i
     assert homes == {str(Path("data/homes/friday/mine").absolute())}
 
 
-def test_a_league_that_is_over_starts_nobody_and_one_with_more_pairs_tries_all_again(arena: Arena, league: Path) -> None:
+@pytest.mark.usefixtures("one_core")
+def test_a_league_that_is_over_starts_nobody_and_one_with_more_pairs_tries_all_again(
+    arena: Arena, here: Arena, league: Path
+) -> None:
     def run() -> int:
-        ran = arena("tournament", "run", league, "--venue", "local", "--data", "data")
+        ran = here("tournament", "run", league, "--venue", "local", "--data", "data")
         assert ran.returncode == 0, ran.stderr
         return len(Path("data/homes/friday/mine/starts").read_text().splitlines())
 

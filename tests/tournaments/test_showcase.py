@@ -1,10 +1,10 @@
 """The leagues of a store as the web page gets them: no journal while another match may be on its map."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from shutil import copytree
 
 import pytest
+from commands import run_here
 
 from arena.errors import ArenaError
 from arena.records.journal import match_id, read_journal
@@ -37,12 +37,25 @@ elo1 = 400
 """
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Play a league and a test of two entries, and keep their data as they are."""
+    folder = tmp_path_factory.mktemp("finished")
+    for name, text in (("friday", LEAGUE), ("better", DUEL)):
+        (folder / f"{name}.toml").write_text(text)
+        run_here("tournament", "run", folder / f"{name}.toml", "--data", folder / name)
+    return folder
+
+
 @pytest.fixture
-def data(arena: Callable[..., Any], tmp_path: Path) -> Path:
-    league = tmp_path / "friday.toml"
-    league.write_text(LEAGUE)
-    assert arena("tournament", "run", league, "--data", tmp_path).returncode == 0
-    return tmp_path
+def data(finished: Path, tmp_path: Path) -> Path:
+    """Lend a league that is over; what a test changes, it changes in a copy."""
+    return copytree(finished / "friday", tmp_path / "friday")
+
+
+@pytest.fixture
+def duel(finished: Path, tmp_path: Path) -> Path:
+    return copytree(finished / "better", tmp_path / "better")
 
 
 def test_where_there_is_no_store_there_are_no_leagues(tmp_path: Path) -> None:
@@ -71,11 +84,8 @@ def test_a_raised_number_of_pairs_is_seen_though_no_match_was_played_since(data:
     assert leagues.report("friday")["matches"] | {"complete": False, "planned": 18} == leagues.report("friday")["matches"]
 
 
-def test_a_decided_test_shows_the_journals_of_its_whole_pairs(arena: Callable[..., Any], tmp_path: Path) -> None:
-    league = tmp_path / "better.toml"
-    league.write_text(DUEL)
-    assert arena("tournament", "run", league, "--data", tmp_path).returncode == 0
-    leagues = Leagues(tmp_path, "")
+def test_a_decided_test_shows_the_journals_of_its_whole_pairs(duel: Path) -> None:
+    leagues = Leagues(duel, "")
     report = leagues.report("better")
     n_played = len(report["results"])
 
@@ -83,15 +93,15 @@ def test_a_decided_test_shows_the_journals_of_its_whole_pairs(arena: Callable[..
     for result in report["results"]:
         read_journal(leagues.journal("better", result["identity"]))
 
-    with Store(str(tmp_path / "arena.db")) as store:
+    with Store(str(duel / "arena.db")) as store:
         row = store.get("better")
         outcomes = store.outcomes(row)
-    other = tmp_path / "running.db"
+    other = duel / "running.db"
     with Store(str(other)) as store:
         running = store.enter("better", row.facts, row.n_pairs)
         for outcome in outcomes[:-1]:
             store.add(running, outcome)
-    running_leagues = Leagues(tmp_path, str(other))
+    running_leagues = Leagues(duel, str(other))
     assert running_leagues.journal("better", outcomes[0].identity)
     with pytest.raises(ArenaError, match="until the last match of these two is over"):
         running_leagues.journal("better", outcomes[-2].identity)

@@ -35,7 +35,7 @@ def test_in_a_crowd_everything_happens_and_as_the_design_says(size: Callable[[in
     """Thousands of ticks on boards so full that units meet at every one; what a tick holds is counted from outside."""
     rng = np.random.default_rng(20)
     happened: Counter[str] = Counter()
-    for round_ in range(size(900, 9_000)):
+    for round_ in range(size(350, 9_000)):
         rules = crowded(rng, round_)
         games = Games(rules, 8)
         for row in range(games.n_games):
@@ -52,8 +52,8 @@ def test_in_a_crowd_everything_happens_and_as_the_design_says(size: Callable[[in
                     happened.update(what_happened(match, facts["cells"], facts["alive"], row_orders))
         assert_same_sight(games, matches)
 
-    assert happened["tick"] > size(20_000, 200_000)
-    enough = size(50, 500)
+    assert happened["tick"] > size(8_000, 200_000)
+    enough = size(15, 500)
     rare = {kind: happened[kind] for kind in KINDS if happened[kind] < enough}
     assert not rare, f"hardly happened: {rare}; in all: {happened}"
 

@@ -82,9 +82,9 @@ def test_a_gif_has_a_picture_of_every_tick(arena: Run, file: Path, journal: Jour
 
 
 @pytest.mark.parametrize("tick", [None, 0, 3])
-def test_a_png_shows_one_tick_the_last_if_none_is_named(arena: Run, file: Path, tmp_path: Path, tick: int | None) -> None:
+def test_a_png_shows_one_tick_the_last_if_none_is_named(here: Run, file: Path, tmp_path: Path, tick: int | None) -> None:
     out = tmp_path / "a.png"
-    done = arena("replay", "export", file, "--png", "--out", out, *([] if tick is None else ["--tick", tick]))
+    done = here("replay", "export", file, "--png", "--out", out, *([] if tick is None else ["--tick", tick]))
 
     scenes = list(read_scenes(file, None))
     assert done.returncode == 0
@@ -94,12 +94,12 @@ def test_a_png_shows_one_tick_the_last_if_none_is_named(arena: Run, file: Path, 
 
 
 def test_without_out_the_picture_lies_here_under_the_name_of_the_match(
-    arena: Run, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    here: Run, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
 
-    assert arena("replay", "export", file, "--png").returncode == 0
+    assert here("replay", "export", file, "--png").returncode == 0
     assert [path.name for path in (tmp_path / "here").iterdir()] == ["match.png"]
 
 
@@ -152,7 +152,7 @@ def test_units_that_fought_and_live_are_marked(
 
 
 def test_a_transcript_shows_what_its_seat_saw_and_remembered(
-    arena: Run, transcript: Path, file: Path, journal: Journal, tmp_path: Path
+    here: Run, transcript: Path, file: Path, journal: Journal, tmp_path: Path
 ) -> None:
     seen = [games.observe()[Team.RED].seat(0, journal.header.ruleset) for games in replay(journal)][:-1]
     scenes = list(read_scenes(transcript, None))
@@ -160,7 +160,7 @@ def test_a_transcript_shows_what_its_seat_saw_and_remembered(
     assert [scene.title for scene in scenes] == ["bob plays red against ann"] * len(seen)
     for one, scene in zip(seen, scenes, strict=True):
         check_memory(one, scene)
-    assert arena("replay", "export", transcript, "--png", "--out", tmp_path / "t.png").returncode == 0
+    assert here("replay", "export", transcript, "--png", "--out", tmp_path / "t.png").returncode == 0
 
 
 def check_memory(seen: Observation, scene: Scene) -> None:
@@ -206,8 +206,8 @@ def test_every_code_and_every_mark_looks_different() -> None:
         (["--png", "--out", "/no/such/folder/a.png"], "cannot write /no/such/folder/a.png: No such file or directory"),
     ],
 )
-def test_what_cannot_be_drawn_is_one_sentence(arena: Run, file: Path, arguments: list[str], says: str) -> None:
-    done = arena("replay", "export", file, *arguments)
+def test_what_cannot_be_drawn_is_one_sentence(here: Run, file: Path, arguments: list[str], says: str) -> None:
+    done = here("replay", "export", file, *arguments)
 
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
     assert done.stderr.startswith(f"arena: {says}")
@@ -220,13 +220,13 @@ def test_a_team_is_not_chosen_for_a_transcript(arena: Run, transcript: Path) -> 
 
 
 def test_a_journal_that_breaks_is_not_drawn_as_if_it_held(
-    arena: Run, data: bytes, journal: Journal, small_rules: Ruleset, tmp_path: Path
+    here: Run, data: bytes, journal: Journal, small_rules: Ruleset, tmp_path: Path
 ) -> None:
     changed = bytearray(data)
     changed[data.index(journal.ticks[4].chain) + 32 + 1] ^= 1
     (tmp_path / "broken.journal").write_bytes(changed)
 
-    done = arena("replay", "export", tmp_path / "broken.journal", "--gif", "--out", tmp_path / "a.gif")
+    done = here("replay", "export", tmp_path / "broken.journal", "--gif", "--out", tmp_path / "a.gif")
 
     assert (done.returncode, done.stderr.splitlines()[-1]) == (
         1,

@@ -67,8 +67,8 @@ def boards(text: str) -> tuple[list[str], list[str]]:
     return [row[:40:2] for row in rows], [row[43:83:2].ljust(20) for row in rows]
 
 
-def test_verify_says_that_a_journal_holds(arena: Run, file: Path, journal: Journal) -> None:
-    table, document = arena("replay", "verify", file), arena("replay", "verify", file, "--json")
+def test_verify_says_that_a_journal_holds(arena: Run, here: Run, file: Path, journal: Journal) -> None:
+    table, document = arena("replay", "verify", file), here("replay", "verify", file, "--json")
 
     assert (table.returncode, document.returncode) == (0, 0)
     assert journal.canonical_hash in table.stdout
@@ -82,9 +82,9 @@ def test_verify_says_that_a_journal_holds(arena: Run, file: Path, journal: Journ
     }
 
 
-def test_verify_says_at_which_tick_a_journal_was_changed(arena: Run, file: Path, broken: Path) -> None:
+def test_verify_says_at_which_tick_a_journal_was_changed(here: Run, file: Path, broken: Path) -> None:
     sentence = "at tick 6 its orders or its state were changed"
-    table, document = arena("replay", "verify", broken, file), arena("replay", "verify", broken, "--json")
+    table, document = here("replay", "verify", broken, file), here("replay", "verify", broken, "--json")
 
     assert (table.returncode, document.returncode, table.stderr) == (1, 1, "")
     assert sentence in table.stdout
@@ -94,17 +94,17 @@ def test_verify_says_at_which_tick_a_journal_was_changed(arena: Run, file: Path,
     assert sentence in facts["error"]
 
 
-def test_verify_says_where_a_journal_was_cut(arena: Run, data: bytes, tmp_path: Path) -> None:
+def test_verify_says_where_a_journal_was_cut(here: Run, data: bytes, tmp_path: Path) -> None:
     (tmp_path / "cut.journal").write_bytes(data[:-40])
 
-    done = arena("replay", "verify", tmp_path / "cut.journal", "--json")
+    done = here("replay", "verify", tmp_path / "cut.journal", "--json")
 
     assert done.returncode == 1
     assert f"it ends at byte {len(data) - 40}, within its ending" in json.loads(done.stdout)["error"]
 
 
-def test_verify_takes_folders(arena: Run, file: Path, broken: Path) -> None:
-    done = arena("replay", "verify", file.parent, "--json")
+def test_verify_takes_folders(here: Run, file: Path, broken: Path) -> None:
+    done = here("replay", "verify", file.parent, "--json")
 
     assert done.returncode == 1
     assert [(Path(check["file"]).name, check["ok"]) for check in json.loads(done.stdout)] == [
@@ -114,8 +114,8 @@ def test_verify_takes_folders(arena: Run, file: Path, broken: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["verify", "show"])
-def test_a_file_that_is_not_there_is_one_sentence(arena: Run, command: str) -> None:
-    done = arena("replay", command, "absent.journal")
+def test_a_file_that_is_not_there_is_one_sentence(here: Run, command: str) -> None:
+    done = here("replay", command, "absent.journal")
 
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "arena: cannot read absent.journal: No such file or directory\n"
@@ -123,8 +123,8 @@ def test_a_file_that_is_not_there_is_one_sentence(arena: Run, command: str) -> N
 
 @pytest.mark.parametrize("team", Team)
 @pytest.mark.parametrize("tick", [0, 5])
-def test_show_draws_what_a_team_sees_beside_the_truth(arena: Run, file: Path, journal: Journal, team: Team, tick: int) -> None:
-    done = arena("replay", "show", file, "--tick", tick, "--team", team.name.lower())
+def test_show_draws_what_a_team_sees_beside_the_truth(here: Run, file: Path, journal: Journal, team: Team, tick: int) -> None:
+    done = here("replay", "show", file, "--tick", tick, "--team", team.name.lower())
 
     for number, games in enumerate(replay(journal)):
         if number == tick:
@@ -136,8 +136,8 @@ def test_show_draws_what_a_team_sees_beside_the_truth(arena: Run, file: Path, jo
     assert len(done.stdout.splitlines()) == 22
 
 
-def test_show_hides_in_the_fog_what_the_truth_shows(arena: Run, file: Path) -> None:
-    seen, truth = boards(arena("replay", "show", file, "--tick", 0).stdout)
+def test_show_hides_in_the_fog_what_the_truth_shows(here: Run, file: Path) -> None:
+    seen, truth = boards(here("replay", "show", file, "--tick", 0).stdout)
 
     cells = [pair for rows in zip(seen, truth, strict=True) for pair in zip(*rows, strict=True)]
     assert {left for left, _ in cells} <= CELLS | {" "}
@@ -158,12 +158,12 @@ def test_show_prints_every_tick_where_there_is_no_terminal(arena: Run, file: Pat
 
 
 def test_show_has_no_winner_in_a_draw(
-    arena: Run, small_rules: Ruleset, played: Callable[..., MatchRecord], every_tick: Callable[..., BatchFactory], tmp_path: Path
+    here: Run, small_rules: Ruleset, played: Callable[..., MatchRecord], every_tick: Callable[..., BatchFactory], tmp_path: Path
 ) -> None:
     stay = every_tick([0, 0])
     (tmp_path / "draw.journal").write_bytes(played(small_rules, blue=stay, red=stay).journal or b"")
 
-    done = arena("replay", "show", tmp_path / "draw.journal")
+    done = here("replay", "show", tmp_path / "draw.journal")
 
     assert done.stdout.splitlines()[-1] == "a draw by tick limit after 8 ticks, score 0 for blue"
 
@@ -176,15 +176,15 @@ def test_show_has_no_winner_in_a_draw(
         (["--tick", "101"], "--tick is 101; the match has ticks 0 to "),
     ],
 )
-def test_show_refuses_what_it_cannot_show(arena: Run, file: Path, arguments: list[str], says: str) -> None:
-    done = arena("replay", "show", file, *arguments)
+def test_show_refuses_what_it_cannot_show(here: Run, file: Path, arguments: list[str], says: str) -> None:
+    done = here("replay", "show", file, *arguments)
 
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
     assert done.stderr.startswith(f"arena: {says}")
 
 
-def test_show_plays_a_broken_journal_until_it_breaks(arena: Run, broken: Path) -> None:
-    done = arena("replay", "show", broken)
+def test_show_plays_a_broken_journal_until_it_breaks(here: Run, broken: Path) -> None:
+    done = here("replay", "show", broken)
 
     titles = [line for line in done.stdout.splitlines() if line.startswith("blue rush")]
     assert done.returncode == 1
@@ -192,8 +192,8 @@ def test_show_plays_a_broken_journal_until_it_breaks(arena: Run, broken: Path) -
     assert done.stderr == "arena: the journal does not verify: at tick 6 its orders or its state were changed\n"
 
 
-def test_show_finds_a_tick_before_the_break_and_none_after(arena: Run, broken: Path) -> None:
-    before, after = arena("replay", "show", broken, "--tick", 5), arena("replay", "show", broken, "--tick", 6)
+def test_show_finds_a_tick_before_the_break_and_none_after(here: Run, broken: Path) -> None:
+    before, after = here("replay", "show", broken, "--tick", 5), here("replay", "show", broken, "--tick", 6)
 
     assert (before.returncode, before.stderr) == (0, "")
     assert (after.returncode, after.stdout) == (1, "")
