@@ -32,11 +32,11 @@ logger = logging.getLogger(__name__)
 SILENCE_S = 2.0
 """A seat that hears nothing for so long asks whether its match still runs."""
 PROBE_S = 2.0
-MOST_UNANSWERED = 12
-"""Questions in a row to which nobody was there to answer, a quarter of a second apart."""
+MOST_UNANSWERED = 24
+"""Questions in a row, `TICK_S` apart, to which nobody was there to answer: a pit that opens has its router before its ears."""
 MOST_WAITING = 2_000
 """Messages in the queue."""
-_TICK_S = 0.25
+TICK_S = 0.25
 
 
 _Heard = tuple[Callable[[Slot, Any], None], Slot, Any]
@@ -125,7 +125,7 @@ class Runner:
         try:
             while not self._is_done():
                 now_s = time.monotonic()
-                if now_s - checked_at_s > _TICK_S:
+                if now_s - checked_at_s > TICK_S:
                     checked_at_s = now_s
                     if not session.is_connected() or not self._keep_asking(session, now_s):
                         return
@@ -136,7 +136,7 @@ class Runner:
                 except Empty:
                     continue
                 handle(slot, heard)
-                if slot.seat is None:
+                if slot.seat is None and not slot.n_unanswered:
                     checked_at_s = 0.0  # ask again at once
         finally:
             self._n_auditing = 0  # what was asked over this connection is not answered any more
@@ -144,10 +144,10 @@ class Runner:
                 slot.fall_silent()
 
     def _wait(self) -> _Heard:
-        """Return what is heard next; raise `Empty` after about `_TICK_S`."""
+        """Return what is heard next; raise `Empty` after about `TICK_S`."""
         slot = self._slots[0]
         if slot.ears is None:
-            return self._inbox.get(timeout=_TICK_S)
+            return self._inbox.get(timeout=TICK_S)
         sample = slot.ears.wait()
         return self._inbox.get_nowait() if is_beat(sample) else (self._on_turn, slot, sample)
 
@@ -157,7 +157,7 @@ class Runner:
             self._inbox.put((handle, slot, heard))
 
     def _on_silence(self, slot: Slot) -> None:
-        """Ask again a little later: a pit that opens has its router before its ears. In the end, give the pit up."""
+        """Ask again a little later; in the end, give the pit up."""
         slot.n_unanswered += 1
         slot.asked_at_s = None if slot.n_unanswered < MOST_UNANSWERED else -math.inf
 
@@ -294,7 +294,7 @@ class Runner:
             return
         slot.ears = session.collect(key, MOST_WAITING)
         slot.leave.callback(slot.ears.end)
-        slot.leave.callback(session.beat(key, _TICK_S))
+        slot.leave.callback(session.beat(key, TICK_S))
 
     def _on_turn(self, slot: Slot, sample: Sample) -> None:
         if slot.seat is None or slot.put is None:

@@ -64,8 +64,8 @@ def rehearse(
     strangers = [spec for spec in names_of if spec not in OWN or limits != NO_LIMITS]
     is_over = Event()
     with ThreadPoolExecutor(_AT_ONCE) as pool:
-        whys = pool.map(lambda spec: _try(spec, ruleset, homes / names_of[spec][0], limits, patience_s, is_over), strangers)
         try:
+            whys = pool.map(lambda spec: _try(spec, ruleset, homes / names_of[spec][0], limits, patience_s, is_over), strangers)
             failures = [
                 f"{name} cannot start: {why}" for spec, why in zip(strangers, whys, strict=True) if why for name in names_of[spec]
             ]

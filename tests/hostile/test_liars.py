@@ -208,7 +208,7 @@ threading.Event().wait()
 def test_a_stopped_listener_and_a_stopped_seat_make_no_other_match_late(
     serve: Start, join: Start, start: Start, play_here: Start, port: int, tmp_path: Path
 ) -> None:
-    pit = serve("--matches", 3, "--turn-time", 0.5, "--bank", 0, "--missed", 60, "--grace", 60)
+    pit = serve("--matches", 3, "--turn-time", 2, "--bank", 0, "--missed", 60, "--grace", 60)
     listener = start(port, code=LISTENER).wait_for("listening")
     stopped = [join("--team", "red", "--policy", "patrol"), join("--team", "blue", "--policy", "patrol", "--name", "held")]
     bot = tmp_path / "paced.py"

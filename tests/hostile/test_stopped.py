@@ -26,7 +26,7 @@ PATIENCE_S = 60.0
 TOLD = [topics.all_observations("pit"), topics.all_public("pit"), topics.all_truths("pit")]
 """All that a client may subscribe to."""
 TINY_BYTES = 1024
-LONGEST_TICK_S = 1.5
+LONGEST_TICK_S = 3.0
 """A pit that waits for who does not read stands still for 5 s, and charges nobody."""
 LISTENER = """
 import json, sys, threading, zenoh
@@ -138,7 +138,7 @@ class Pit:
         self.port, self._folder, self.config = free_port(), folder, folder / "config"
         self._told_s: dict[str, list[float]] = {}
         self._seen: set[Path] = set()
-        terms = ("--turn-time", 0.5, "--bank", 0, "--missed", 60, "--grace", 60)
+        terms = ("--turn-time", 2, "--bank", 0, "--missed", 60, "--grace", 60)
         rules = ("--set", "side=64", "--set", f"tick_limit={n_ticks}", "--set", "units.ugv.attack=0")
         where = ("--listen", f"tcp/127.0.0.1:{self.port}", "--data", folder, "--seed", 7)
         self._process = Command("from arena.cli import main; main()", ("serve", *where, *terms, *rules))

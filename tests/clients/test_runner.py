@@ -1,0 +1,24 @@
+"""A client whose pit is not all there yet."""
+
+import time
+
+import pytest
+
+from arena.errors import LostPitError
+from arena.transport import free_port, open_router
+from clients.runner import MOST_UNANSWERED, TICK_S, Runner
+from clients.settings import Settings
+from policies.registry import load
+
+
+def test_a_router_without_a_pit_is_asked_for_a_while() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    settings = Settings(endpoint=endpoint, pit="pit", name="ann", team="any", make=load("random"), n_matches=1)
+    runner = Runner(settings, on_seat=lambda _: None, on_end=lambda _: None, on_wait=lambda _: None)
+
+    with open_router(endpoint, "pit"):
+        begun_at_s = time.monotonic()
+        with pytest.raises(LostPitError, match="no pit called pit answers at"):
+            runner.run()
+
+    assert time.monotonic() - begun_at_s > 0.9 * MOST_UNANSWERED * TICK_S
