@@ -11,7 +11,7 @@ from arena.observation import Observations
 from arena.policy import BatchPolicy, Orders
 from policies.belief import forget, know, make_belief
 from policies.memory import Sight, sight_of
-from policies.tactics import make_plan
+from policies.tactics import NEVER, make_plan
 
 
 class BelievingPolicy(BatchPolicy):
@@ -29,6 +29,7 @@ class BelievingPolicy(BatchPolicy):
         """Forget what was believed there, and what was planned."""
         forget(self.belief, seats)
         self.plan.raided_at[seats] = 0
+        self.plan.guarded_at[seats] = NEVER
         self.plan.choice[seats] = -1
 
     def act(self, observations: Observations, orders: Orders) -> None:

@@ -1,4 +1,4 @@
-"""Units that fly: first they look for the enemy's flag where it is likeliest, then each watches one flag."""
+"""Units that fly: they look for the enemy's flag where it is likeliest; then one watches it, the other our own, or the decoy."""
 
 from typing import Any
 
@@ -25,7 +25,9 @@ def scout(seat: int, sight: Any, belief: Any, known: Any, plan: Any, orders: Any
         if not known.flies[unit] or not sight.alive[seat, unit]:
             continue
         cell = int(sight.cell[seat, unit])
-        goal = flag if n_before % 2 == 0 else int(belief.own_flag[seat])
+        goal = flag
+        if n_before % 2 == 1:
+            goal = int(plan.decoy[0]) if plan.decoy[0] >= 0 else int(belief.own_flag[seat])
         if flag < 0:
             goal = _nearest(plan.unseen, known.side, cell)
         orders[seat, unit] = _look(seat, unit, cell, goal, sight, known, plan.unseen, flag < 0)

@@ -1,7 +1,7 @@
 """From what is believed to orders: who attacks, who guards and who hunts, and which step each takes.
 
 A script says how many take which role and how dear a life is; this module does the rest, one seat at a time:
-`survey`, then `appoint` as often as it likes, then `march`. Nothing is remembered from tick to tick but `Plan.raided_at`.
+`survey`, then `appoint` as often as it likes, then `march`. What is remembered from tick to tick has an axis of seats in `Plan`.
 """
 
 from typing import Any, NamedTuple
@@ -15,10 +15,12 @@ from policies.chance import draw
 from policies.moves import STAY, column_of, row_of
 from policies.odds import mark_danger, squared, weigh
 
-ATTACK, GUARD, HUNT = 0, 1, 2
-"""Roles, and rows of `Plan.way`: to the enemy's flag round danger, to the own flag, to the nearest intruder."""
+ATTACK, GUARD, HUNT, DECOY, WAIT = range(5)
+"""Roles, and rows of `Plan.way`: to the enemy's flag round danger, to the own flag, to the nearest intruder; two of `luring`."""
 BOLD, WARY = 8.0, 60.0
 """What a life is worth, in steps of way. Four attackers score 0.54 against `defend` with 8, 0.72 with 30, 0.74 with 60."""
+NEVER = -1000
+"""A tick so long ago that nothing is remembered of it."""
 _DETOUR = 3
 """Ticks that a cell in danger counts more. Measured against `defend`: 3 is better than 0, 1, 5 and 12."""
 _BLOCKED, _PRIZE, _LOST = 6.0, 1000.0, 200.0
@@ -33,13 +35,17 @@ class Plan(NamedTuple):
     is_decided: NDArray[np.uint8]
     """Shape (own units,)."""
     role: NDArray[np.int8]
-    """Shape (own units,): ATTACK, GUARD or HUNT; -1 for one that flies or is dead."""
+    """Shape (own units,): one of ATTACK to WAIT; -1 for one that flies or is dead."""
     mate: NDArray[np.int8]
     """Shape (own units,): a friend to stay near, or -1."""
     force: NDArray[np.float64]
     """Shape (own units, 2): of `odds.weigh`."""
     way: NDArray[np.int16]
-    """Shape (3 roles, cells): steps to where each role goes."""
+    """Shape (5 roles, cells): steps to where each role goes."""
+    goal: NDArray[np.uint64]
+    """Shape (64,): a cell to which ways are searched."""
+    decoy: NDArray[np.int64]
+    """Shape (1,): the cell where the decoy will stand, or -1."""
     danger: NDArray[np.uint64]
     """Shape (64,): cells that an enemy in sight can hit."""
     intruders: NDArray[np.uint64]
@@ -48,6 +54,8 @@ class Plan(NamedTuple):
     """Shape (64,): what is left for the units that fly to look at."""
     raided_at: NDArray[np.int32]
     """Shape (seats,): the last tick with an intruder in sight, 0 before the first."""
+    guarded_at: NDArray[np.int32]
+    """Shape (seats,): the last tick with guards in sight at the enemy's flag."""
     choice: NDArray[np.int8]
     """Shape (seats,): of `chameleon`; -1 before it has chosen."""
 
@@ -60,11 +68,14 @@ def make_plan(n_seats: int, n_units: int, n_cells: int) -> Plan:
         role=np.zeros(n_units, np.int8),
         mate=np.zeros(n_units, np.int8),
         force=np.zeros((n_units, 2)),
-        way=np.zeros((3, n_cells), np.int16),
+        way=np.zeros((5, n_cells), np.int16),
+        goal=np.zeros(64, np.uint64),
+        decoy=np.zeros(1, np.int64),
         danger=np.zeros(64, np.uint64),
         intruders=np.zeros(64, np.uint64),
         unseen=np.zeros(64, np.uint64),
         raided_at=np.zeros(n_seats, np.int32),
+        guarded_at=np.full(n_seats, NEVER, np.int32),
         choice=np.full(n_seats, -1, np.int8),
     )
 
@@ -79,6 +90,7 @@ def survey(seat: int, sight: Any, belief: Any, known: Any, plan: Any) -> int:
         walks = sight.alive[seat, unit] and not known.flies[unit]
         plan.role[unit] = ATTACK if walks else -1
         n_walkers += walks
+    plan.decoy[0] = -1
     mark_danger(seat, sight, known, plan.danger)
     flood(belief.flag_rows[seat], belief.walkable[seat], plan.danger, _DETOUR, side, belief.work, plan.way[ATTACK])
     for cell in range(side * side):
@@ -93,7 +105,7 @@ def survey(seat: int, sight: Any, belief: Any, known: Any, plan: Any) -> int:
             plan.intruders[at // side] |= bit(at % side)
             is_raided = True
     if sight.tick[seat] == 0:
-        plan.raided_at[seat] = 0
+        plan.raided_at[seat], plan.guarded_at[seat] = 0, NEVER
     if is_raided:
         plan.raided_at[seat] = sight.tick[seat]
         flood(plan.intruders, belief.walkable[seat], plan.danger, 0, side, belief.work, plan.way[HUNT])
@@ -105,15 +117,21 @@ def appoint(n: int, role: int, nearer_than: int, seat: int, sight: Any, plan: An
     """Give a role to those up to `n` attackers that have the shortest way to it; return how many took it."""
     taken = 0
     for _ in range(n):
-        chosen, least = -1, nearer_than
-        for unit in range(plan.role.shape[0]):
-            far = plan.way[role, sight.cell[seat, unit]]
-            if plan.role[unit] == ATTACK and far < least:
-                chosen, least = unit, far
-        if chosen >= 0:
-            plan.role[chosen] = role
-            taken += 1
+        taken += appoint_one(ATTACK, role, nearer_than, seat, sight, plan) >= 0
     return taken
+
+
+@jit(inline=True)
+def appoint_one(old: int, role: int, nearer_than: int, seat: int, sight: Any, plan: Any) -> int:
+    """Give a role to the unit of an old one that has the shortest way to it; return which, or -1."""
+    chosen, least = -1, nearer_than
+    for unit in range(plan.role.shape[0]):
+        far = plan.way[role, sight.cell[seat, unit]]
+        if plan.role[unit] == old and far < least:
+            chosen, least = unit, far
+    if chosen >= 0:
+        plan.role[chosen] = role
+    return chosen
 
 
 @jit()
@@ -137,7 +155,7 @@ def march(
                 chosen, least = unit, far
         if chosen < 0:
             return
-        life = attackers_life if plan.role[chosen] == ATTACK else guards_life
+        life = guards_life if plan.role[chosen] in (GUARD, HUNT) else attackers_life
         orders[seat, chosen] = _step(seat, chosen, sight, belief, known, plan, life, bite * life)
 
 

@@ -1,6 +1,7 @@
 """Each tick, by the shortest ways, units become keeper, second guard, interceptor and attackers, who turn back from danger.
 
-Where no intruder was seen for twelve ticks all attack, warily. Once ahead all go home, but for who is about to take the flag.
+Where no intruder was seen for twelve ticks all attack, warily, and lure away the guards of the flag. Once ahead all go home, but
+for who is about to take the flag.
 """
 
 from typing import Any
@@ -10,6 +11,7 @@ from arena.policy import Orders
 from policies.belief import update_seat
 from policies.believing import BelievingPolicy
 from policies.bitrows import UNREACHED
+from policies.luring import lure
 from policies.memory import Sight
 from policies.scouting import scout
 from policies.tactics import ATTACK, BOLD, GUARD, HUNT, WARY, appoint, march, survey
@@ -36,6 +38,8 @@ def decide_seat(seat: int, sight: Any, belief: Any, known: Any, plan: Any, order
     elif not is_calm:
         n_guards = appoint(min(_GUARDS, n_walkers - 1), GUARD, UNREACHED, seat, sight, plan)
         appoint(min(1, n_walkers - n_guards - 1), HUNT, _NEAR, seat, sight, plan)
+    if is_calm:
+        lure(seat, sight, belief, known, plan, orders)
     is_late = known.tick_limit - sight.tick[seat] < _LATE
     march(seat, sight, belief, known, plan, life, BOLD, _HURRY if is_late and sight.score[seat] <= 0 else 1.0, orders)
     scout(seat, sight, belief, known, plan, orders)

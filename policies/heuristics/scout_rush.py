@@ -1,6 +1,6 @@
 """Units that fly sweep for the flag where it is likeliest; the nearest unit on foot runs for it round danger, and two trail it.
 
-One guards. Where no intruder was seen for eight ticks it joins the run.
+One guards. Where no intruder was seen for eight ticks it joins the run; guards of the flag are lured away first.
 """
 
 from typing import Any
@@ -10,6 +10,7 @@ from arena.policy import Orders
 from policies.belief import update_seat
 from policies.believing import BelievingPolicy
 from policies.bitrows import UNREACHED
+from policies.luring import lure
 from policies.memory import Sight
 from policies.scouting import scout
 from policies.tactics import BOLD, GUARD, WARY, appoint, march, survey
@@ -25,6 +26,8 @@ def decide_seat(seat: int, sight: Any, belief: Any, known: Any, plan: Any, order
     is_calm = sight.tick[seat] - plan.raided_at[seat] >= _CALM
     if not is_calm and sight.score[seat] >= 0:
         appoint(min(1, n_walkers - 1), GUARD, UNREACHED, seat, sight, plan)
+    if is_calm:
+        lure(seat, sight, belief, known, plan, orders)
     march(seat, sight, belief, known, plan, WARY, BOLD, 1.0, orders)
     scout(seat, sight, belief, known, plan, orders)
 

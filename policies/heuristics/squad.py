@@ -1,7 +1,7 @@
 """Two pairs whose units keep within two cells of each other where ground and enemies let them; one guards, the other attacks.
 
 They take a fight only where what they expect to lose is worth less than what they expect to win. Where nobody raids, both pairs
-attack; ahead, both go home.
+attack, and lure away the guards of the flag; ahead, both go home.
 """
 
 from typing import Any
@@ -11,6 +11,7 @@ from arena.policy import Orders
 from policies.belief import update_seat
 from policies.believing import BelievingPolicy
 from policies.bitrows import UNREACHED
+from policies.luring import lure
 from policies.memory import Sight
 from policies.scouting import scout
 from policies.tactics import ATTACK, BOLD, GUARD, WARY, appoint, march, survey
@@ -29,6 +30,8 @@ def decide_seat(seat: int, sight: Any, belief: Any, known: Any, plan: Any, order
     elif not is_calm:
         appoint(n_walkers // 2, GUARD, UNREACHED, seat, sight, plan)
     _pair_up(plan)
+    if is_calm:
+        lure(seat, sight, belief, known, plan, orders)
     march(seat, sight, belief, known, plan, WARY, BOLD, 1.0, orders)
     scout(seat, sight, belief, known, plan, orders)
 
