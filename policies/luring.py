@@ -14,8 +14,8 @@ from policies.tactics import ATTACK, DECOY, WAIT, appoint_one
 
 _UNTIL = 0.7
 """Share of the match after which there is no time left for it. Measured against `defend`: better than 0.6, 0.8 and 0.9."""
-_GUARDS, _POST, _REMEMBERS = 2, 3, 25
-"""How many enemies within how many steps of their flag are guards, and for how many ticks they are taken to come back to it."""
+_REMEMBERS = 25
+"""For how many ticks guards that left their flag are taken to come back to it."""
 _BOLD = 12
 """Once in so many ticks, a decoy that no guard sees steps up to where one does, which may cost it a fight."""
 _FALLS, _UNSEEN, _TAKEN = 5000, 200, 50
@@ -32,18 +32,15 @@ def lure(seat: int, sight: Any, belief: Any, known: Any, plan: Any, orders: Any)
     is_late = sight.tick[seat] >= _UNTIL * known.tick_limit
     if is_late or sight.score[seat] > 0 or belief.enemy_flag[seat] < 0 or n_attackers < 2:
         return
-    first, n_guards = UNREACHED, 0
+    if sight.tick[seat] - plan.guarded_at[seat] > _REMEMBERS:
+        return
+    first = UNREACHED
     for place in range(sight.enemy_cell.shape[1]):
         at = int(sight.enemy_cell[seat, place])
         if at < 0:
             break
         if not sight.enemy_flies[seat, place]:
             first = min(first, int(belief.to_flag[seat, at]))
-            n_guards += belief.to_flag[seat, at] <= _POST
-    if n_guards >= _GUARDS:
-        plan.guarded_at[seat] = sight.tick[seat]
-    if sight.tick[seat] - plan.guarded_at[seat] > _REMEMBERS:
-        return
     side = known.side
     theirs = side // 2 if belief.forward[seat] > 0 else side // 2 - 1
     ours = 2 * (side // 2) - 1 - theirs

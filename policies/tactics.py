@@ -21,6 +21,8 @@ BOLD, WARY = 8.0, 60.0
 """What a life is worth, in steps of way. Four attackers score 0.54 against `defend` with 8, 0.72 with 30, 0.74 with 60."""
 NEVER = -1000
 """A tick so long ago that nothing is remembered of it."""
+_GUARDS, _POST = 2, 3
+"""How many enemies within how many steps of their flag are guards."""
 _DETOUR = 3
 """Ticks that a cell in danger counts more. Measured against `defend`: 3 is better than 0, 1, 5 and 12."""
 _BLOCKED, _PRIZE, _LOST = 6.0, 1000.0, 200.0
@@ -83,7 +85,7 @@ def make_plan(n_seats: int, n_units: int, n_cells: int) -> Plan:
 @jit()
 def survey(seat: int, sight: Any, belief: Any, known: Any, plan: Any) -> int:
     """Find the ways of this tick, let every unit on foot attack, and return how many there are."""
-    side, n_walkers, is_raided = known.side, 0, False
+    side, n_walkers, n_guards, is_raided = known.side, 0, 0, False
     for unit in range(plan.aim.shape[0]):
         plan.aim[unit], plan.is_decided[unit], plan.mate[unit] = sight.cell[seat, unit], 0, -1
         plan.force[unit, 1] = 0.0
@@ -101,11 +103,16 @@ def survey(seat: int, sight: Any, belief: Any, known: Any, plan: Any) -> int:
         at = int(sight.enemy_cell[seat, place])
         if at < 0:
             break
-        if not sight.enemy_flies[seat, place] and not has(belief.enemy_half[seat], side, at):
+        if sight.enemy_flies[seat, place]:
+            continue
+        n_guards += belief.enemy_flag[seat] >= 0 and belief.to_flag[seat, at] <= _POST
+        if not has(belief.enemy_half[seat], side, at):
             plan.intruders[at // side] |= bit(at % side)
             is_raided = True
     if sight.tick[seat] == 0:
         plan.raided_at[seat], plan.guarded_at[seat] = 0, NEVER
+    if n_guards >= _GUARDS:
+        plan.guarded_at[seat] = sight.tick[seat]
     if is_raided:
         plan.raided_at[seat] = sight.tick[seat]
         flood(plan.intruders, belief.walkable[seat], plan.danger, 0, side, belief.work, plan.way[HUNT])

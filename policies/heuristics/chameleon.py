@@ -1,6 +1,6 @@
-"""For ten ticks it plays as `turtle` and reads the enemy: does it raid? Then it plays as whoever suits.
+"""For ten ticks it plays as `role_team` and reads the enemy: does it raid, does it guard its flag? Then it plays as who suits.
 
-Against one that stays at home that is `scout_rush`, against one that comes `turtle`; in one match of ten, any at random.
+Where neither was seen that is `scout_rush`, else `role_team` goes on; in one match of ten, any at random.
 """
 
 from typing import Any
@@ -13,6 +13,7 @@ from policies.believing import BelievingPolicy
 from policies.chance import draw, one_in
 from policies.heuristics import border_hunter, role_team, scout_rush, squad, turtle
 from policies.memory import Sight
+from policies.tactics import NEVER
 
 _READS = 10
 """Ticks of reading."""
@@ -29,7 +30,7 @@ def _choose(seat: int, sight: Any, plan: Any) -> int:
     words = draw(sight.seed[seat], _STREAM)
     if one_in(words[0], _SURPRISE):
         return int(below(words[1], 5))
-    return _SCOUTS if plan.raided_at[seat] == 0 else _WAITS
+    return _SCOUTS if plan.raided_at[seat] == 0 and plan.guarded_at[seat] == NEVER else _ROLES
 
 
 @jit()
@@ -43,12 +44,12 @@ def _act(sight: Any, belief: Any, known: Any, plan: Any, orders: Any) -> None:
             _scouts(seat, sight, belief, known, plan, orders)
         elif choice == _PAIRS:
             _pairs(seat, sight, belief, known, plan, orders)
-        elif choice == _ROLES:
-            _roles(seat, sight, belief, known, plan, orders)
+        elif choice == _WAITS:
+            _waits(seat, sight, belief, known, plan, orders)
         elif choice == _HUNTS:
             _hunts(seat, sight, belief, known, plan, orders)
         else:
-            _waits(seat, sight, belief, known, plan, orders)
+            _roles(seat, sight, belief, known, plan, orders)
 
 
 class Chameleon(BelievingPolicy):
