@@ -152,8 +152,8 @@ class TeamNetwork(nn.Module):
         """Return the planes around each unit, distances as differences in steps; shape (n, units, patch * patch * planes)."""
         n, side, _, n_planes = values.shape
         reach, size = self.shape.patch // 2, self.shape.patch
-        padded = functional.pad(values, (0, 0, reach, reach, reach, reach)).view(n, -1, n_planes)
         wide = side + 2 * reach
+        padded = functional.pad(values, (0, 0, reach, reach, reach, reach)).view(n, wide * wide, n_planes)
         offsets = (torch.arange(size, device=cell.device)[:, None] * wide + torch.arange(size, device=cell.device)).view(-1)
         corner = cell // side * wide + cell % side
         seats = torch.arange(n, device=cell.device)[:, None, None]
