@@ -77,10 +77,11 @@ def test_what_does_not_get_ready_is_not_waited_for_and_ended(tmp_path: Path) -> 
 
 
 INTERRUPTED = """
-import sys
+import signal, sys
 from pathlib import Path
 from arena.game.ruleset import load
 from tournaments.rehearsal import rehearse
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job, and its children, ignore it
 rehearse({Path(path).stem: path for path in sys.argv[2:]}, load("paper"), Path(sys.argv[1]), patience_s=1e6)
 """
 
