@@ -8,9 +8,9 @@ from typing import Any
 
 from arena.jit import jit
 from policies.bitrows import NONE, UNREACHED, bit, flood, has
-from policies.moves import STAY, column_of, row_of
+from policies.moves import STAY
 from policies.odds import can_hit, squared
-from policies.tactics import ATTACK, DECOY, WAIT, appoint_one
+from policies.tactics import ATTACK, DECOY, WAIT, appoint_one, step_to
 
 _UNTIL = 0.7
 """Share of the match after which there is no time left for it. Measured against `defend`: better than 0.6, 0.8 and 0.9."""
@@ -80,26 +80,22 @@ def _tease(seat: int, unit: int, sight: Any, belief: Any, known: Any, plan: Any,
     is_bold = sight.tick[seat] % _BOLD == 0 and _nearest(seat, cell, sight, side) > view
     best, least, target = STAY, 0, -1
     for action in range(5 if known.step[unit] else 1):
-        row, column = row_of(cell // side, action), column_of(cell % side, action)
-        if row < 0 or row >= side or column < 0 or column >= side:
+        to = step_to(cell, action, seat, belief, side)
+        if to < 0:
             continue
-        to = row * side + column
-        if action != STAY and not has(belief.walkable[seat], side, to):
-            continue
-        is_hit, is_followed, far = False, False, _FAR
+        is_hit, is_followed, far, nearest = False, False, _FAR, 2 * side * side
         for place in range(sight.enemy_cell.shape[1]):
             at = int(sight.enemy_cell[seat, place])
             if at < 0:
                 break
             if sight.enemy_flies[seat, place]:
                 continue
-            down, right = abs(at // side - row), abs(at % side - column)
+            down, right = abs(at // side - to // side), abs(at % side - to % side)
             longer, shorter = max(down, right), min(down, right)
             after = longer * longer + (shorter - 1) * (shorter - 1) if shorter > 0 else (longer - 1) * (longer - 1)
             is_followed |= after <= view  # whichever way it comes
             is_hit |= can_hit(at, sight.enemy_type[seat, place], to, known) > 0.0
-            far = min(far, longer + shorter)
-        nearest = _nearest(seat, to, sight, side)
+            far, nearest = min(far, longer + shorter), min(nearest, squared(at, to, side))
         if is_bold:
             is_hit = nearest < view
         if is_hit:

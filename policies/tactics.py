@@ -176,11 +176,8 @@ def _step(seat: int, unit: int, sight: Any, belief: Any, known: Any, plan: Any, 
     best, least, target, friends, enemies = STAY, 0.0, -1, 0.0, 0.0
     for turn in range(5 if known.step[unit] else 1):
         action = STAY if turn == 0 else 1 + (turn + first) % 4
-        row, column = row_of(cell // side, action), column_of(cell % side, action)
-        if row < 0 or row >= side or column < 0 or column >= side:
-            continue
-        to = row * side + column
-        if action != STAY and not has(belief.walkable[seat], side, to):
+        to = step_to(cell, action, seat, belief, side)
+        if to < 0:
             continue
         fall, kills, averted = weigh(seat, unit, to, sight, belief, known, plan.aim, plan.force)
         far = float(plan.way[role, to]) if plan.way[role, to] < UNREACHED else _LOST
@@ -193,6 +190,16 @@ def _step(seat: int, unit: int, sight: Any, belief: Any, known: Any, plan: Any, 
     _support(seat, unit, target, 1.0, known, plan)
     plan.aim[unit], plan.is_decided[unit] = target, 1
     return best
+
+
+@jit(inline=True)
+def step_to(cell: int, action: int, seat: int, belief: Any, side: int) -> int:
+    """Return the cell to which a step on foot leads, or -1: off the board, or onto what is known as an obstacle."""
+    row, column = row_of(cell // side, action), column_of(cell % side, action)
+    if row < 0 or row >= side or column < 0 or column >= side:
+        return -1
+    to = row * side + column
+    return to if action == STAY or has(belief.walkable[seat], side, to) else -1
 
 
 @jit(inline=True)
