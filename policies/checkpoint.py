@@ -16,6 +16,7 @@ from safetensors.torch import save
 from torch import Tensor, nn
 
 from arena.errors import ArenaError, PolicyError
+from arena.game.ruleset import Ruleset
 from policies.features import FEATURES_VERSION
 from policies.networks import PaperTeam, TeamNetwork, TeamShape
 
@@ -81,6 +82,15 @@ def shape_of(network: nn.Module) -> tuple[str, dict[str, int]]:
     if isinstance(network, PaperTeam):
         return "paper", {"window": network.window, "agents": network.agents}
     raise ValueError(f"{type(network).__name__} is no network that a checkpoint can hold")
+
+
+def describe(network: nn.Module, ruleset: Ruleset, training: Mapping[str, Any]) -> Manifest:
+    """Return the manifest of a network that was trained on a ruleset, with the features of today."""
+    kind, shape = shape_of(network)
+    return Manifest(
+        network=kind, shape=shape, features=FEATURES_VERSION, ruleset=ruleset.name, ruleset_hash=ruleset.hash,
+        training=dict(training),
+    )  # fmt: skip
 
 
 def save_checkpoint(path: Path, weights: Mapping[str, Tensor], manifest: Manifest) -> None:

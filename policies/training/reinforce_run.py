@@ -17,8 +17,7 @@ from arena.errors import InputError
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from arena.policy import BatchPolicy
-from policies.checkpoint import Manifest, load_checkpoint, save_checkpoint, shape_of
-from policies.features import FEATURES_VERSION
+from policies.checkpoint import describe, load_checkpoint, save_checkpoint
 from policies.learned import LearnedUnits, as_bf16
 from policies.networks import PaperTeam
 from policies.registry import load
@@ -121,16 +120,11 @@ class ReinforceRun:
         if not self.processes.is_first:
             return
         network = self.learner.network
-        kind, shape = shape_of(network)
         training = {
             "method": "reinforce", "start": self.start, "settings": asdict(self.settings), **asdict(self.counts),
             PROGRESS: progress,
         }  # fmt: skip
-        manifest = Manifest(
-            network=kind, shape=shape, features=FEATURES_VERSION, ruleset=self.ruleset.name, ruleset_hash=self.ruleset.hash,
-            training=training,
-        )  # fmt: skip
-        save_checkpoint(self.folder.path / LAST, network.state_dict(), manifest)
+        save_checkpoint(self.folder.path / LAST, network.state_dict(), describe(network, self.ruleset, training))
         self.folder.save_state({
             "network": network.state_dict(), "optimiser": self.learner.optimiser.state_dict(),
             "counts": asdict(self.counts), "means": self.means,

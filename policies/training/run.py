@@ -19,8 +19,7 @@ from arena.errors import InputError
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
-from policies.checkpoint import Manifest, load_checkpoint, save_checkpoint, shape_of
-from policies.features import FEATURES_VERSION
+from policies.checkpoint import describe, load_checkpoint, save_checkpoint
 from policies.learned import as_bf16
 from policies.networks import Critic, TeamNetwork, TeamShape
 from policies.training.budget import Budget
@@ -234,13 +233,8 @@ class Run:
         return f"{stage} {self.counts.cloned + self.counts.samples:,} samples, {per_s:,.0f} per s; {how}"
 
     def _save_weights(self, name: str) -> None:
-        kind, shape = shape_of(self.learner.network)
         training = {"method": "ppo", "start": self.start, "settings": asdict(self.settings), **asdict(self.counts)}
-        manifest = Manifest(
-            network=kind, shape=shape, features=FEATURES_VERSION, ruleset=self.ruleset.name, ruleset_hash=self.ruleset.hash,
-            training=training,
-        )  # fmt: skip
-        save_checkpoint(self.folder.path / name, self.learner.average, manifest)
+        save_checkpoint(self.folder.path / name, self.learner.average, describe(self.learner.network, self.ruleset, training))
 
     def _agree(self, mine: bool) -> bool:
         """Return what the first process thinks, so that all stop, or save, together."""
