@@ -100,17 +100,21 @@ class Pit(App[None]):
         self._news = ""
         self._thread = threading.Thread(target=self._play, name="runner")
         self.board = BoardView()
+        # Held, not queried: a tick of the clock may still fall into the end, when the screen has let its widgets go.
+        self._turn, self._goal, self._units, self._options, self._told = (
+            Static(id=part) for part in ("turn", "goal", "units", "options", "news")
+        )
+        self._middle = Container(
+            self.board,
+            Container(self._goal, self._units, self._options, Static(LEGEND, id="legend"), id="panel"),
+            id="middle",
+        )
 
     def compose(self) -> ComposeResult:
         """Lay out the screen."""
-        yield Static(id="turn")
-        with Container(id="middle"):
-            yield self.board
-            with Container(id="panel"):
-                for part in ("goal", "units", "options"):
-                    yield Static(id=part)
-                yield Static(LEGEND, id="legend")
-        yield Static(id="news")
+        yield self._turn
+        yield self._middle
+        yield self._told
         yield Static(panel.HELP, id="help", markup=False)
 
     def on_mount(self) -> None:
@@ -205,16 +209,16 @@ class Pit(App[None]):
         """Show what lies on the desk."""
         picture, desk = self._desk.picture(), self._desk
         self._draw_turn()
-        self.query_one("#news", Static).update(f"waiting {desk.waits}" if desk.waits else self._news)
+        self._told.update(f"waiting {desk.waits}" if desk.waits else self._news)
         if picture is None:
             return
         side = len(picture.grid)
         self.board.is_wide = self.size.width >= 2 * side + _PANEL_COLUMNS
-        self.query_one("#middle").set_class(self.size.width < side + _PANEL_COLUMNS, "narrow")
+        self._middle.set_class(self.size.width < side + _PANEL_COLUMNS, "narrow")
         self.board.show(picture)
-        self.query_one("#goal", Static).update(panel.tell_goal(picture.team, desk.opponent))
-        self.query_one("#units", Static).update(panel.tell_units(picture, desk.autopilot))
-        self.query_one("#options", Static).update(panel.tell_options(picture))
+        self._goal.update(panel.tell_goal(picture.team, desk.opponent))
+        self._units.update(panel.tell_units(picture, desk.autopilot))
+        self._options.update(panel.tell_options(picture))
         if desk.result is not None and self._shown_over != desk.match:
             self._shown_over = desk.match
             self.push_screen(Over(desk), self._on_read)
@@ -226,7 +230,7 @@ class Pit(App[None]):
             if picture is None
             else panel.tell_turn(picture, self._desk.opponent, is_my_turn=self._desk.is_my_turn)
         )
-        self.query_one("#turn", Static).update(told)
+        self._turn.update(told)
 
     def _on_read(self, _: None) -> None:
         if self._has_stopped or self._desk.result is not None:

@@ -236,6 +236,15 @@ def test_a_match_is_left_only_when_asked_twice() -> None:
     on_screen(play)
 
 
+def test_a_clock_that_falls_into_the_end_of_the_screen_does_not_break_it() -> None:
+    async def play(pilot: "Pilot[None]", app: Pit, desk: Desk) -> None:
+        await app.screen.remove_children()  # as the end does, with the clock still ticking
+        app.draw()
+        await pilot.pause(0.3)
+
+    on_screen(play)
+
+
 def test_a_pit_that_is_lost_ends_the_screen_and_says_why() -> None:
     desk = Desk()
     venue = Venue(desk, BOARD)
