@@ -4,9 +4,9 @@ The local venue, the networked referee, the environments and the replay all play
 `step` and one `observe`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from arena.game.keys import KEY_BYTES, MatchKeys, board_key, seat_keys, unit_key
 from arena.game.ruleset import Ruleset
 from arena.game.state import Fact, State, Tables, Trait, make_seen, make_state, make_tables
 from arena.game.types import FLAGS, UAVS, UGVS, Ending, Team
+from arena.jit import bind
 from arena.observation import NO_CLOCK_MS, Observations
 
 WORK_SHAPE = (4, 32)
@@ -51,6 +52,7 @@ class Games:
         self.tables = tables_of(ruleset)
         self.n_units = {team: len(ruleset.team(team)) for team in Team}
         self._board = parse_board(ruleset.board) if ruleset.board is not None else None
+        self._orders = np.zeros(self.state.cell.shape, np.int8)
         self._work = np.zeros(WORK_SHAPE, np.int64)
         self._rows = np.zeros((2, ruleset.side + 2), np.uint64)
         self._boards = np.zeros((2, n_games, self.state.ground.shape[1]), np.int8)
@@ -123,8 +125,14 @@ class Games:
 
     def play(self, orders: NDArray[np.int8]) -> dict[Team, Observations]:
         """Step and observe, in one call."""
-        play(self.state, orders, self.tables, self._work, self._seat_keys, self._boards, self._rows, self._told[0], self._told[1])
+        self._orders[:] = orders
+        self._play()
         return self._seen
+
+    @cached_property
+    def _play(self) -> Callable[[], None]:
+        scratch = self._work, self._seat_keys, self._boards, self._rows
+        return bind(play, self.state, self._orders, self.tables, *scratch, *self._told)
 
     def observe(self) -> dict[Team, Observations]:
         """Return what each team sees now, in memory that the next call overwrites; no clock runs, unless the caller sets it."""
@@ -168,11 +176,10 @@ class Games:
         """Whether one row holds no running game."""
         return bool(self.state.fact[game, _ENDING])
 
-    def digestible_of(self, game: int) -> bytes:
-        """Return one row of `digestible`."""
-        state = self.state
-        parts = state.fact[game, :_N_DIGESTED], state.cell[game], state.alive[game]
-        return b"".join(part.tobytes() for part in parts)
+    def digestible_views(self, game: int) -> list[memoryview]:
+        """Return views of the memory that one row of `digestible` comes from: joined, they are its bytes at any time."""
+        parts = self.state.fact[game, :_N_DIGESTED], self.state.cell[game], self.state.alive[game]
+        return [part.view(np.uint8).data for part in parts]
 
     def digestible(self) -> NDArray[np.uint8]:
         """Return the bytes of each true state that change from tick to tick; shape (n_games, bytes), freshly made."""

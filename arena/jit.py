@@ -10,7 +10,7 @@ import logging
 import os
 import tempfile
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -85,3 +85,12 @@ def jit(*, inline: bool = False, keeps_gil: bool = False) -> Callable[[Callable[
             config.CACHE_DIR = before
 
     return compile_
+
+
+def bind(kernel: Callable[P, R], *arguments: P.args, **_: P.kwargs) -> Callable[[], R]:
+    """Return a call of a kernel on these very arguments, compiled by now.
+
+    A kernel that is called as it is looks at the type of each array anew, which takes most of a call of microseconds.
+    """
+    compiled = kernel.compile(tuple(map(numba.typeof, arguments)))  # type: ignore[attr-defined]
+    return partial(compiled, *arguments)

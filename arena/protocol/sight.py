@@ -7,6 +7,7 @@ Integers are little-endian, each at a multiple of its width, so that a reader's 
 sight are -1 and -1, after those in sight.
 """
 
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from arena.game.ruleset import Ruleset
 from arena.game.types import FLAGS, HALVES, Code, Team
 from arena.observation import NO_CLOCK_MS, Observations
 
+_FACTS = "QiIh2h"  # seed to living, as `struct` has them
 _CLOCK_AT, _CLOCK = 12, NO_CLOCK_MS.to_bytes(4, "little")
 _CODES = bytes(code & 0xFF for code in (Code.HIDDEN, *HALVES, *FLAGS, Code.OBSTACLE))
 
@@ -85,10 +87,11 @@ class Reader:
         arrays = {name: part.view(kind).reshape(shape) for (name, (kind, shape)), part in zip(layout.items(), parts, strict=True)}
         flies = np.zeros((1, n_enemy), np.uint8)
         self._seen = Observations(team=team, side=ruleset.side, enemy_flies=flies, **arrays)
-        self._nobody = [-1] * n_enemy
-        self._memory, self._n_kinds = memory.data, len(ruleset.units)
-        # Type -1, which is no unit, finds the last, which does not fly.
-        self._flies = np.array([*(unit.flies for unit in ruleset.units), False], np.uint8)
+        self._memory, self._enemy_flies = memory.data, flies[0].data
+        self._head = Struct(f"<{_FACTS}{n_own}h{n_enemy}h{n_enemy}b{n_own}B")
+        self._n_own, self._nobody, self._n_kinds = n_own, [-1] * n_enemy, len(ruleset.units)
+        self._flies = [*(unit.flies for unit in ruleset.units), False]
+        """By type; -1, which is no unit, finds the last, which does not fly."""
 
     def blank(self) -> Observations:
         """Return the memory as it is before anything was read: a board that shows nothing."""
@@ -100,25 +103,26 @@ class Reader:
             raise UnreadableError(f"an observation has {len(self._memory)} bytes under these rules, not {len(data)}")
         if data[-self._n_cells :].translate(None, _CODES):
             raise UnreadableError("an observation has a cell that no game has")
+        enemy_type = self._check(data)
         self._memory[:] = data
-        self._check()
-        seen = self._seen
-        self._flies.take(seen.enemy_type, out=seen.enemy_flies, mode="wrap")
-        return seen
+        self._enemy_flies[:] = bytes(map(self._flies.__getitem__, enemy_type))
+        return self._seen
 
-    def _check(self) -> None:
-        """Refuse units where no unit can be: fighters index boards by them."""
-        seen = self._seen
-        cell, alive = seen.cell[0].tolist(), seen.alive[0].tolist()
-        enemy_cell, enemy_type = seen.enemy_cell[0].tolist(), seen.enemy_type[0].tolist()
+    def _check(self, data: bytes) -> list[int]:
+        """Return the types of the enemies; refuse units where no unit can be, since fighters index boards by them."""
+        _, tick, _, _, _, _, *units = self._head.unpack_from(data)
+        n_own, n_enemy = self._n_own, len(self._nobody)
+        cell, alive = units[:n_own], units[n_own + 2 * n_enemy :]
+        enemy_cell, enemy_type = units[n_own : n_own + n_enemy], units[n_own + n_enemy : n_own + 2 * n_enemy]
         if (
-            int(seen.tick[0]) < 0
+            tick < 0
             or min(cell, default=0) < 0
             or max(cell, default=0) >= self._n_cells
             or max(alive, default=0) > 1
             or ((enemy_cell != self._nobody or enemy_type != self._nobody) and not self._can_be(enemy_cell, enemy_type))
         ):
             raise UnreadableError("an observation has a tick or a unit that no game has")
+        return enemy_type
 
     def _can_be(self, cells: list[int], kinds: list[int]) -> bool:
         """Whether enemies have a type and a place on the board, or neither."""

@@ -71,12 +71,22 @@ class SeatRecord:
         return {name: getattr(self, name) for name in ("late", "unreadable", "stale", "garbled", "forged", "vanished")}
 
 
+_NO_MARK = Mark(0)
+
+
 @dataclass(slots=True, kw_only=True)
 class _Seat:
     """Where one seat stands in the current tick."""
 
+    team: Team
+    n_units: int
+    sight: Writer
     bank_s: float
     grace_s: float
+    answer: bytes
+    mark: Mark = _NO_MARK
+    shown: list[bytes] = field(default_factory=list)
+    """Observation by observation, the current tick's last."""
     is_ready: bool = False
     away_since_s: float | None = None
     asked_at_s: float = 0.0
@@ -97,18 +107,25 @@ class Match:
         """The last link of the chain, once the match is over."""
         self._games = Games(header.ruleset, 1)
         self._games.start([0], [header.keys])
-        self._seats = {team: _Seat(bank_s=terms.bank_s, grace_s=terms.grace_s) for team in Team}
-        for seat in self._seats.values():
-            seat.away_since_s = now_s
-        self._n_units = self._games.n_units
-        self._orders = np.zeros((1, sum(self._n_units.values())), np.int8)
-        self._answers = {team: _STAY * n_units for team, n_units in self._n_units.items()}
-        self._marks = {team: Mark(0) for team in Team}
+        n_units = self._games.n_units
+        self._seats = {
+            team: _Seat(
+                team=team,
+                n_units=n_units[team],
+                sight=Writer(seen, 0),
+                bank_s=terms.bank_s,
+                grace_s=terms.grace_s,
+                answer=_STAY * n_units[team],
+                away_since_s=now_s,
+            )
+            for team, seen in self._games.observe().items()
+        }
+        self._blue, self._red = self._seats.values()
+        self._orders = np.zeros((1, sum(n_units.values())), np.int8)
+        self._orders_bytes = self._orders[0].view(np.uint8).data
+        self._state = self._games.digestible_views(0)
         self._past: list[bytes] = []
-        self._shown: dict[Team, list[bytes]] = {team: [] for team in Team}
-        ground, state = self._games.state.ground[0].tobytes(), self._games.digestible_of(0)
-        self.start_record, self._chain = write_start(header, ground, state)
-        self._sights = {team: Writer(seen, 0) for team, seen in self._games.observe().items()}
+        self.start_record, self._chain = write_start(header, self._games.state.ground[0].tobytes(), b"".join(self._state))
         self._show()
 
     @property
@@ -124,17 +141,16 @@ class Match:
 
     def history(self, team: Team, known_ticks: int) -> tuple[list[bytes], list[bytes]]:
         """Return the observations of a seat's answered ticks from `known_ticks` on, and the orders that were played."""
-        blue = self._n_units[Team.BLUE]
-        orders = [orders[:blue] if team is Team.BLUE else orders[blue:] for orders in self._past[known_ticks:]]
-        return self._shown[team][known_ticks : len(self._past)], orders
+        orders = [self._split(orders)[team] for orders in self._past[known_ticks:]]
+        return self._seats[team].shown[known_ticks : len(self._past)], orders
 
     def n_shown_bytes(self, team: Team) -> int:
         """Return the length of every observation of a seat."""
-        return len(self._shown[team][0])
+        return len(self._seats[team].shown[0])
 
     def truth(self) -> tuple[bytes, list[bytes]]:
         """Return the true board in the codes of Table 2, and what each seat is shown of it."""
-        return self._games.truth(0).tobytes(), [self._shown[team][-1] for team in Team]
+        return self._games.truth(0).tobytes(), [seat.shown[-1] for seat in self._seats.values()]
 
     def unready_s(self, now_s: float) -> float:
         """Return how long the match has waited for both seats to be ready; 0 once it began."""
@@ -161,11 +177,9 @@ class Match:
         if self._chain != journal.start_chain:
             raise JournalError("the journal was changed: its board is another")
         for number, record in enumerate(journal.ticks, start=1):
-            blue = self._n_units[Team.BLUE]
-            self._answers = {Team.BLUE: record.orders[:blue], Team.RED: record.orders[blue:]}
-            self._marks = dict(zip(Team, record.marks, strict=True))
-            for team, mark in self._marks.items():
-                self._seats[team].missed = self._seats[team].missed + 1 if Mark.LATE in mark else 0
+            for seat, answer, mark in zip(self._seats.values(), self._split(record.orders), record.marks, strict=True):
+                seat.answer, seat.mark = answer, mark
+                seat.missed = seat.missed + 1 if Mark.LATE in mark else 0
             is_over = self._games.has_ended(0)
             self._play_tick()
             if is_over or self._chain != record.chain:
@@ -186,7 +200,7 @@ class Match:
             for other in self._seats.values():
                 other.grace_s = self.terms.grace_s
             return self._ask_all(now_s)
-        return [] if seat.has_answered else [self._ask(team)]
+        return [] if seat.has_answered else [self._ask(seat)]
 
     def leave(self, team: Team, now_s: float) -> list[Event]:
         """A seat has vanished; its clock stops, and its grace runs."""
@@ -204,10 +218,10 @@ class Match:
             seat.record.stale += 1
             return []
         self._welcome(seat, now_s)  # it was said to be gone, and is not
-        n_units = self._n_units[team]
-        if len(actions) != n_units or max(actions, default=0) >= len(Action):
-            self._marks[team] |= Mark.UNREADABLE
-        self._answers[team] = actions[:n_units].translate(_EFFECT).ljust(n_units, _STAY)
+        n_units = seat.n_units
+        seat.answer = actions[:n_units].translate(_EFFECT).ljust(n_units, _STAY)
+        if seat.answer != actions:
+            seat.mark |= Mark.UNREADABLE
         self._settle_clock(seat, now_s)
         seat.has_answered, seat.missed = True, 0
         return self._turn(now_s) if self._is_complete() else []
@@ -232,14 +246,14 @@ class Match:
             return self._forfeit(gone, "did not come back in time" if is_playing else "did not get ready in time")
         if self.phase is Phase.WAITING or self.terms.turn_time_s is None:
             return []
-        for team, seat in self._seats.items():
+        for seat in self._seats.values():
             if seat.has_answered or seat.away_since_s is not None or now_s < self._deadline_s(seat):
                 continue
-            self._answers[team] = _STAY * self._n_units[team]
-            self._marks[team] |= Mark.LATE
+            seat.answer = _STAY * seat.n_units
+            seat.mark |= Mark.LATE
             seat.missed += 1
             seat.bank_s, seat.has_answered = 0.0, True
-        idle = [team for team, seat in self._seats.items() if seat.missed >= self.terms.most_missed]
+        idle = [seat.team for seat in self._seats.values() if seat.missed >= self.terms.most_missed]
         if idle:
             return self._forfeit(idle, f"missed {self.terms.most_missed} turns in a row")
         return self._turn(now_s) if self._is_complete() else []
@@ -263,7 +277,7 @@ class Match:
         return seat.away_since_s is not None and now_s - seat.away_since_s >= seat.grace_s
 
     def _is_complete(self) -> bool:
-        return all(seat.has_answered for seat in self._seats.values())
+        return self._blue.has_answered and self._red.has_answered
 
     def _deadline_s(self, seat: _Seat) -> float:
         return seat.asked_at_s + (self.terms.turn_time_s or 0.0) + seat.bank_s
@@ -282,39 +296,44 @@ class Match:
             return [write, *self._end(match_result(self._games, 0))]
         return [write, *self._ask_all(now_s)]
 
+    def _split(self, orders: bytes) -> tuple[bytes, bytes]:
+        """Return blue's part of a tick's orders, and red's."""
+        return orders[: self._blue.n_units], orders[self._blue.n_units :]
+
     def _play_tick(self) -> bytes:
         """Step, and return the tick's record."""
-        orders = self._answers[Team.BLUE] + self._answers[Team.RED]
-        self._orders[0] = np.frombuffer(orders, np.int8)
+        orders = self._blue.answer + self._red.answer
+        self._orders_bytes[:] = orders
         self._games.play(self._orders)
         self._past.append(orders)
-        for team, mark in self._marks.items():  # here, so that a journal and who recovers from it count alike
-            self._seats[team].record.late += Mark.LATE in mark
-            self._seats[team].record.unreadable += Mark.UNREADABLE in mark
-        marks = bytes((self._marks[Team.BLUE], self._marks[Team.RED]))
-        record, self._chain = write_tick(self._chain, orders, marks, self._games.digestible_of(0))
-        self._marks = {team: Mark(0) for team in Team}
+        marks = bytes((self._blue.mark, self._red.mark))
+        record, self._chain = write_tick(self._chain, orders, marks, b"".join(self._state))
+        for seat in self._seats.values():
+            if seat.mark:  # counted here, so that a journal and who recovers from it count alike
+                seat.record.late += Mark.LATE in seat.mark
+                seat.record.unreadable += Mark.UNREADABLE in seat.mark
+                seat.mark = _NO_MARK
         self._show()
         return record
 
     def _show(self) -> None:
         """Lay up what each seat is to see of the tick that begins."""
-        for team, sight in self._sights.items():
+        for seat in self._seats.values():
             if self.terms.turn_time_s is not None:
-                sight.set_clock(self._seats[team].bank_s)
-            self._shown[team].append(sight.write())
+                seat.sight.set_clock(seat.bank_s)
+            seat.shown.append(seat.sight.write())
 
     def _ask_all(self, now_s: float) -> list[Event]:
         events: list[Event] = []
-        for team, seat in self._seats.items():
+        for seat in self._seats.values():
             seat.has_answered, seat.asked_at_s = False, now_s
             if seat.away_since_s is None:
-                events.append(self._ask(team))
+                events.append(self._ask(seat))
         events.append(Publish())
         return events
 
-    def _ask(self, team: Team) -> Ask:
-        return Ask(team=team, tick=len(self._past), observation=self._shown[team][-1])
+    def _ask(self, seat: _Seat) -> Ask:
+        return Ask(team=seat.team, tick=len(self._past), observation=seat.shown[-1])
 
     def _forfeit(self, losers: Iterable[Team], why: str) -> list[Event]:
         teams = list(losers)
