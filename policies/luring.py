@@ -7,10 +7,10 @@ The others wait on their own half, as near to the flag as that goes. Whoever can
 from typing import Any
 
 from arena.jit import jit
-from policies.bitrows import NONE, UNREACHED, bit, flood, has
+from policies.bitrows import UNREACHED, has
 from policies.moves import STAY
 from policies.odds import can_hit, squared
-from policies.tactics import ATTACK, DECOY, WAIT, appoint_one, step_to
+from policies.tactics import ATTACK, DECOY, WAIT, appoint_one, find_way, step_to
 
 _UNTIL = 0.7
 """Share of the match after which there is no time left for it. Measured against `defend`: better than 0.6, 0.8 and 0.9."""
@@ -44,8 +44,8 @@ def lure(seat: int, sight: Any, belief: Any, known: Any, plan: Any, orders: Any)
     side = known.side
     theirs = side // 2 if belief.forward[seat] > 0 else side // 2 - 1
     ours = 2 * (side // 2) - 1 - theirs
-    _find_ways(_farthest(theirs, 1, seat, belief, side), DECOY, seat, belief, plan, side)
-    _find_ways(_farthest(ours, -1, seat, belief, side), WAIT, seat, belief, plan, side)
+    find_way(_farthest(theirs, 1, seat, belief, side), DECOY, seat, belief, plan, side)
+    find_way(_farthest(ours, -1, seat, belief, side), WAIT, seat, belief, plan, side)
     for unit in range(plan.role.shape[0]):
         if plan.role[unit] == ATTACK and belief.to_flag[seat, sight.cell[seat, unit]] > first:
             plan.role[unit] = WAIT
@@ -64,13 +64,6 @@ def _farthest(column: int, sign: int, seat: int, belief: Any, side: int) -> int:
         if far < UNREACHED and has(belief.walkable[seat], side, cell) and (chosen < 0 or sign * far > most):
             chosen, most = cell, sign * far
     return chosen
-
-
-@jit(inline=True)
-def _find_ways(cell: int, role: int, seat: int, belief: Any, plan: Any, side: int) -> None:
-    for row in range(side):
-        plan.goal[row] = bit(cell % side) if cell >= 0 and cell // side == row else NONE
-    flood(plan.goal, belief.walkable[seat], plan.danger, 0, side, belief.work, plan.way[role])
 
 
 @jit()

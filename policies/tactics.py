@@ -15,8 +15,11 @@ from policies.chance import draw
 from policies.moves import STAY, column_of, row_of
 from policies.odds import mark_danger, squared, weigh
 
-ATTACK, GUARD, HUNT, DECOY, WAIT = range(5)
-"""Roles, and rows of `Plan.way`: to the enemy's flag round danger, to the own flag, to the nearest intruder; two of `luring`."""
+N_ROLES = 7
+ATTACK, GUARD, HUNT, DECOY, WAIT, NORTH, SOUTH = range(N_ROLES)
+"""Roles, and rows of `Plan.way`: to the enemy's flag round danger, to the own flag, to the nearest intruder; two of `luring`, and
+two of `lanes`.
+"""
 BOLD, WARY = 8.0, 60.0
 """What a life is worth, in steps of way. Four attackers score 0.54 against `defend` with 8, 0.72 with 30, 0.74 with 60."""
 NEVER = -1000
@@ -27,6 +30,10 @@ _DETOUR = 3
 """Ticks that a cell in danger counts more. Measured against `defend`: 3 is better than 0, 1, 5 and 12."""
 _BLOCKED, _PRIZE, _LOST = 6.0, 1000.0, 200.0
 """What it costs to want a friend's cell, what it is worth to step on the flag, and how far a goal is to which no way leads."""
+_PAIR, _APART, _STRAYED = 2, 4, 2.0
+"""How near mates keep, from how far on they have lost each other, and what each cell between is worth; in cells and steps."""
+_FLANK = 2.0
+"""What it costs to stand on the same side of a lone enemy as one's mate."""
 
 
 class Plan(NamedTuple):
@@ -37,15 +44,17 @@ class Plan(NamedTuple):
     is_decided: NDArray[np.uint8]
     """Shape (own units,)."""
     role: NDArray[np.int8]
-    """Shape (own units,): one of ATTACK to WAIT; -1 for one that flies or is dead."""
+    """Shape (own units,): one of ATTACK to SOUTH; -1 for one that flies or is dead."""
     mate: NDArray[np.int8]
     """Shape (own units,): a friend to stay near, or -1."""
     force: NDArray[np.float64]
     """Shape (own units, 2): of `odds.weigh`."""
     way: NDArray[np.int16]
-    """Shape (5 roles, cells): steps to where each role goes."""
+    """Shape (7 roles, cells): steps to where each role goes."""
     goal: NDArray[np.uint64]
     """Shape (64,): a cell to which ways are searched."""
+    lone: NDArray[np.int64]
+    """Shape (1,): the cell of an enemy on foot that mates take between them, or -1."""
     decoy: NDArray[np.int64]
     """Shape (1,): the cell where the decoy will stand, or -1."""
     danger: NDArray[np.uint64]
@@ -70,8 +79,9 @@ def make_plan(n_seats: int, n_units: int, n_cells: int) -> Plan:
         role=np.zeros(n_units, np.int8),
         mate=np.zeros(n_units, np.int8),
         force=np.zeros((n_units, 2)),
-        way=np.zeros((5, n_cells), np.int16),
+        way=np.zeros((N_ROLES, n_cells), np.int16),
         goal=np.zeros(64, np.uint64),
+        lone=np.zeros(1, np.int64),
         decoy=np.zeros(1, np.int64),
         danger=np.zeros(64, np.uint64),
         intruders=np.zeros(64, np.uint64),
@@ -92,7 +102,7 @@ def survey(seat: int, sight: Any, belief: Any, known: Any, plan: Any) -> int:
         walks = sight.alive[seat, unit] and not known.flies[unit]
         plan.role[unit] = ATTACK if walks else -1
         n_walkers += walks
-    plan.decoy[0] = -1
+    plan.decoy[0] = plan.lone[0] = -1
     mark_danger(seat, sight, known, plan.danger)
     flood(belief.flag_rows[seat], belief.walkable[seat], plan.danger, _DETOUR, side, belief.work, plan.way[ATTACK])
     for cell in range(side * side):
@@ -222,8 +232,23 @@ def _crowd(seat: int, unit: int, cell: int, to: int, sight: Any, known: Any, pla
         if sight.enemy_cell[seat, place] == to and not sight.enemy_flies[seat, place] and to != cell:
             cost += 1.0
     mate = int(plan.mate[unit])
-    if mate >= 0:
-        there, side = plan.aim[mate], known.side
-        apart = max(abs(there // side - to // side), abs(there % side - to % side))
-        cost += 2.0 * max(apart - 2, 0)
-    return cost
+    return cost + _stray(int(plan.aim[mate]), to, int(plan.lone[0]), known.side) if mate >= 0 else cost
+
+
+@jit(inline=True)
+def _stray(mate: int, to: int, lone: int, side: int) -> float:
+    """Return what it costs not to be near one's mate, or not across a lone enemy from it."""
+    if lone >= 0:
+        down = (mate // side - lone // side) * (to // side - lone // side)
+        right = (mate % side - lone % side) * (to % side - lone % side)
+        return _FLANK if down + right > 0 else 0.0
+    apart = max(abs(mate // side - to // side), abs(mate % side - to % side))
+    return _STRAYED * (min(max(apart, _PAIR), _APART) - _PAIR)
+
+
+@jit()
+def find_way(cell: int, role: int, seat: int, belief: Any, plan: Any, side: int) -> None:
+    """Make one cell, or none for -1, that to which the way of a role leads."""
+    for row in range(side):
+        plan.goal[row] = bit(cell % side) if cell >= 0 and cell // side == row else NONE
+    flood(plan.goal, belief.walkable[seat], plan.danger, 0, side, belief.work, plan.way[role])

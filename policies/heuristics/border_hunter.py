@@ -1,4 +1,4 @@
-"""One keeps the own flag, and the others wait there too until somebody is seen to come over the border: then at least two hunt.
+"""One keeps the own flag, and the others the lanes of the own half until somebody is seen to come: then at least two hunt.
 
 Ahead, it rushes with two where nobody raids. From half time on, unless ahead, it attacks with all but the keeper, and with the
 keeper too where nobody raids.
@@ -11,6 +11,7 @@ from arena.policy import Orders
 from policies.belief import update_seat
 from policies.believing import BelievingPolicy
 from policies.bitrows import UNREACHED
+from policies.lanes import hold_lanes
 from policies.memory import Sight
 from policies.scouting import scout
 from policies.tactics import BOLD, GUARD, HUNT, WARY, appoint, march, survey
@@ -28,6 +29,8 @@ def decide_seat(seat: int, sight: Any, belief: Any, known: Any, plan: Any, order
     is_attack = is_half_time and not is_ahead
     if not (is_attack and is_calm):
         appoint(1, GUARD, UNREACHED, seat, sight, plan)
+    if is_calm and not is_attack and not is_ahead:
+        hold_lanes(seat, sight, belief, known, plan)
     if not is_attack:
         appoint(max(2, n_walkers - 2), HUNT, UNREACHED, seat, sight, plan)
         n_rush = 2 if is_ahead and is_calm else 0

@@ -1,6 +1,6 @@
 """For ten ticks it plays as `role_team` and reads the enemy: does it raid, does it guard its flag? Then it plays as who suits.
 
-Where neither was seen that is `scout_rush`, else `role_team` goes on; in one match of ten, any at random.
+Where neither was seen that is `squad`, else `role_team` goes on; in one match of ten, any at random.
 """
 
 from typing import Any
@@ -30,7 +30,7 @@ def _choose(seat: int, sight: Any, plan: Any) -> int:
     words = draw(sight.seed[seat], _STREAM)
     if one_in(words[0], _SURPRISE):
         return int(below(words[1], 5))
-    return _SCOUTS if plan.raided_at[seat] == 0 and plan.guarded_at[seat] == NEVER else _ROLES
+    return _PAIRS if plan.raided_at[seat] == 0 and plan.guarded_at[seat] == NEVER else _ROLES
 
 
 @jit()

@@ -1,6 +1,7 @@
-"""Three guard the own flag and its approaches, the fourth meets whoever comes; when ahead by two, all but one strike.
+"""One guards the own flag, three its approaches; where somebody raids, three the flag, and the fourth meets whoever comes.
 
-From half time on, unless ahead, it attacks with all where nobody raids, and with all but two where somebody does.
+When ahead by two, all but one strike. From half time on, unless ahead, it attacks with all where nobody raids, and with all but
+two where somebody does.
 """
 
 from typing import Any
@@ -10,6 +11,7 @@ from arena.policy import Orders
 from policies.belief import update_seat
 from policies.believing import BelievingPolicy
 from policies.bitrows import UNREACHED
+from policies.lanes import hold_lanes
 from policies.memory import Sight
 from policies.scouting import scout
 from policies.tactics import BOLD, GUARD, HUNT, WARY, appoint, march, survey
@@ -31,6 +33,9 @@ def decide_seat(seat: int, sight: Any, belief: Any, known: Any, plan: Any, order
         n_guards = 0 if is_calm else 2
     if n_guards == n_walkers:
         appoint(1, HUNT, 2 * known.side, seat, sight, plan)
+        if is_calm and not is_ahead:
+            appoint(1, GUARD, UNREACHED, seat, sight, plan)
+            hold_lanes(seat, sight, belief, known, plan)
     appoint(n_guards, GUARD, UNREACHED, seat, sight, plan)
     march(seat, sight, belief, known, plan, WARY, BOLD, 1.0, orders)
     scout(seat, sight, belief, known, plan, orders)
