@@ -30,10 +30,10 @@ _DETOUR = 3
 """Ticks that a cell in danger counts more. Measured against `defend`: 3 is better than 0, 1, 5 and 12."""
 _BLOCKED, _PRIZE, _LOST = 6.0, 1000.0, 200.0
 """What it costs to want a friend's cell, what it is worth to step on the flag, and how far a goal is to which no way leads."""
+_TARRIES = 1.5
+"""What it costs to stop on the way to a lane: more than to go round a friend that stands in it."""
 _PAIR, _APART, _STRAYED = 2, 4, 2.0
 """How near mates keep, from how far on they have lost each other, and what each cell between is worth; in cells and steps."""
-_FLANK = 2.0
-"""What it costs to stand on the same side of a lone enemy as one's mate."""
 
 
 class Plan(NamedTuple):
@@ -53,8 +53,6 @@ class Plan(NamedTuple):
     """Shape (7 roles, cells): steps to where each role goes."""
     goal: NDArray[np.uint64]
     """Shape (64,): a cell to which ways are searched."""
-    lone: NDArray[np.int64]
-    """Shape (1,): the cell of an enemy on foot that mates take between them, or -1."""
     decoy: NDArray[np.int64]
     """Shape (1,): the cell where the decoy will stand, or -1."""
     danger: NDArray[np.uint64]
@@ -81,7 +79,6 @@ def make_plan(n_seats: int, n_units: int, n_cells: int) -> Plan:
         force=np.zeros((n_units, 2)),
         way=np.zeros((N_ROLES, n_cells), np.int16),
         goal=np.zeros(64, np.uint64),
-        lone=np.zeros(1, np.int64),
         decoy=np.zeros(1, np.int64),
         danger=np.zeros(64, np.uint64),
         intruders=np.zeros(64, np.uint64),
@@ -102,7 +99,7 @@ def survey(seat: int, sight: Any, belief: Any, known: Any, plan: Any) -> int:
         walks = sight.alive[seat, unit] and not known.flies[unit]
         plan.role[unit] = ATTACK if walks else -1
         n_walkers += walks
-    plan.decoy[0] = plan.lone[0] = -1
+    plan.decoy[0] = -1
     mark_danger(seat, sight, known, plan.danger)
     flood(belief.flag_rows[seat], belief.walkable[seat], plan.danger, _DETOUR, side, belief.work, plan.way[ATTACK])
     for cell in range(side * side):
@@ -191,6 +188,8 @@ def _step(seat: int, unit: int, sight: Any, belief: Any, known: Any, plan: Any, 
             continue
         fall, kills, averted = weigh(seat, unit, to, sight, belief, known, plan.aim, plan.force)
         far = float(plan.way[role, to]) if plan.way[role, to] < UNREACHED else _LOST
+        if action == STAY and role in (NORTH, SOUTH) and far > _POST:
+            far += _TARRIES
         cost = far + life * (fall - averted) - prey * kills + _crowd(seat, unit, cell, to, sight, known, plan)
         if to == prize:
             cost -= _PRIZE
@@ -232,18 +231,11 @@ def _crowd(seat: int, unit: int, cell: int, to: int, sight: Any, known: Any, pla
         if sight.enemy_cell[seat, place] == to and not sight.enemy_flies[seat, place] and to != cell:
             cost += 1.0
     mate = int(plan.mate[unit])
-    return cost + _stray(int(plan.aim[mate]), to, int(plan.lone[0]), known.side) if mate >= 0 else cost
-
-
-@jit(inline=True)
-def _stray(mate: int, to: int, lone: int, side: int) -> float:
-    """Return what it costs not to be near one's mate, or not across a lone enemy from it."""
-    if lone >= 0:
-        down = (mate // side - lone // side) * (to // side - lone // side)
-        right = (mate % side - lone % side) * (to % side - lone % side)
-        return _FLANK if down + right > 0 else 0.0
-    apart = max(abs(mate // side - to // side), abs(mate % side - to % side))
-    return _STRAYED * (min(max(apart, _PAIR), _APART) - _PAIR)
+    if mate >= 0:
+        there, side = int(plan.aim[mate]), known.side
+        apart = max(abs(there // side - to // side), abs(there % side - to % side))
+        cost += _STRAYED * (min(max(apart, _PAIR), _APART) - _PAIR)
+    return cost
 
 
 @jit()

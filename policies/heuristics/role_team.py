@@ -1,6 +1,6 @@
 """Each tick, by the shortest ways, units become keeper, second guard, interceptor and attackers, who turn back from danger.
 
-Where no intruder was seen for twelve ticks all attack, warily, and lure away the guards of the flag; but an enemy that stays at
+Where no intruder was seen for sixteen ticks all attack, warily, and lure away the guards of the flag; but an enemy that stays at
 home may come at half time, and is awaited then. Once ahead all go home, but for who is about to take the flag.
 """
 
@@ -16,7 +16,7 @@ from policies.memory import Sight
 from policies.scouting import scout
 from policies.tactics import ATTACK, GUARD, HUNT, NEVER, WARY, appoint, march, survey
 
-_CALM = 12
+_CALM = 16
 """Ticks without an intruder after which the enemy is taken for one that stays at home."""
 _GUARDS, _NEAR = 2, 4
 """How many guard where somebody raids, and how near an intruder must come for one more to meet it, who else guards as well."""

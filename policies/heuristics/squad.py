@@ -1,7 +1,7 @@
 """Two pairs whose units keep within two cells of each other where ground and enemies let them; one guards, the other attacks.
 
-They take a fight only where what they expect to lose is worth less than what they expect to win, and come at a lone defender from
-two sides. Where nobody raids, both pairs attack, and lure away the guards of the flag; ahead, both go home.
+They take a fight only where what they expect to lose is worth less than what they expect to win. Where nobody raids, both pairs
+attack, and lure away the guards of the flag; ahead, both go home.
 """
 
 from typing import Any
@@ -10,17 +10,15 @@ from arena.jit import jit
 from arena.policy import Orders
 from policies.belief import update_seat
 from policies.believing import BelievingPolicy
-from policies.bitrows import UNREACHED, has
+from policies.bitrows import UNREACHED
 from policies.luring import lure
 from policies.memory import Sight
 from policies.odds import squared
 from policies.scouting import scout
-from policies.tactics import ATTACK, BOLD, GUARD, HUNT, WARY, appoint, march, survey
+from policies.tactics import BOLD, GUARD, HUNT, WARY, appoint, march, survey
 
 _CALM, _NEAR = 12, 8
 """Ticks without an intruder after which both pairs attack; and how near an intruder must come for both to be at home."""
-_PINCER = 6
-"""Within how many cells of a lone defender two attackers must be to take it between them."""
 
 
 @jit()
@@ -34,7 +32,6 @@ def decide_seat(seat: int, sight: Any, belief: Any, known: Any, plan: Any, order
         appoint(n_walkers // 2, GUARD, UNREACHED, seat, sight, plan)
         appoint(2, HUNT, _NEAR, seat, sight, plan)
     _pair_up(seat, sight, known, plan)
-    plan.lone[0] = _find_lone(seat, sight, belief, known, plan)
     if is_calm:
         lure(seat, sight, belief, known, plan, orders)
     march(seat, sight, belief, known, plan, WARY, BOLD, 1.0, orders)
@@ -56,22 +53,6 @@ def _pair_up(seat: int, sight: Any, known: Any, plan: Any) -> None:
         if one < 0:
             return
         plan.mate[one], plan.mate[two] = two, one
-
-
-@jit()
-def _find_lone(seat: int, sight: Any, belief: Any, known: Any, plan: Any) -> int:
-    """Return the cell of the only enemy on foot in sight, if it is at home and two attackers are near; or -1."""
-    lone, n_walkers, n_near = -1, 0, 0
-    for place in range(sight.enemy_cell.shape[1]):
-        at = int(sight.enemy_cell[seat, place])
-        if at >= 0 and not sight.enemy_flies[seat, place]:
-            lone, n_walkers = at, n_walkers + 1
-    if n_walkers != 1 or not has(belief.enemy_half[seat], known.side, lone):
-        return -1
-    for unit in range(plan.role.shape[0]):
-        far = squared(int(sight.cell[seat, unit]), lone, known.side)
-        n_near += plan.role[unit] == ATTACK and far <= _PINCER * _PINCER
-    return lone if n_near >= 2 else -1
 
 
 @jit()
