@@ -87,10 +87,10 @@ def jit(*, inline: bool = False, keeps_gil: bool = False) -> Callable[[Callable[
     return compile_
 
 
-def bind(kernel: Callable[P, R], *arguments: P.args, **_: P.kwargs) -> Callable[[], R]:
+def bind(kernel: Callable[..., R], *arguments: Any) -> Callable[[], R]:
     """Return a call of a kernel on these very arguments, compiled by now.
 
     A kernel that is called as it is looks at the type of each array anew, which takes most of a call of microseconds.
     """
-    compiled = kernel.compile(tuple(map(numba.typeof, arguments)))  # type: ignore[attr-defined]
-    return partial(compiled, *arguments)
+    dispatcher: Any = kernel  # of numba, which `jit` shows as the function that it compiles
+    return partial(dispatcher.compile(tuple(map(numba.typeof, arguments))), *arguments)

@@ -30,8 +30,8 @@ _DETOUR = 3
 """Ticks that a cell in danger counts more. Measured against `defend`: 3 is better than 0, 1, 5 and 12."""
 _BLOCKED, _PRIZE, _LOST = 6.0, 1000.0, 200.0
 """What it costs to want a friend's cell, what it is worth to step on the flag, and how far a goal is to which no way leads."""
-_TARRIES = 1.5
-"""What it costs to stop on the way to a lane: more than to go round a friend that stands in it."""
+_TARRIES, _THERE = 1.5, 3
+"""What it costs to stop on the way to a lane, more than to go round a friend that stands in it; and how near is there."""
 _PAIR, _APART, _STRAYED = 2, 4, 2.0
 """How near mates keep, from how far on they have lost each other, and what each cell between is worth; in cells and steps."""
 
@@ -188,7 +188,7 @@ def _step(seat: int, unit: int, sight: Any, belief: Any, known: Any, plan: Any, 
             continue
         fall, kills, averted = weigh(seat, unit, to, sight, belief, known, plan.aim, plan.force)
         far = float(plan.way[role, to]) if plan.way[role, to] < UNREACHED else _LOST
-        if action == STAY and role in (NORTH, SOUTH) and far > _POST:
+        if action == STAY and role in (NORTH, SOUTH) and far > _THERE:
             far += _TARRIES
         cost = far + life * (fall - averted) - prey * kills + _crowd(seat, unit, cell, to, sight, known, plan)
         if to == prize:

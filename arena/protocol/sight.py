@@ -17,7 +17,6 @@ from arena.game.ruleset import Ruleset
 from arena.game.types import FLAGS, HALVES, Code, Team
 from arena.observation import NO_CLOCK_MS, Observations
 
-_FACTS = "QiIh2h"  # seed to living, as `struct` has them
 _CLOCK_AT, _CLOCK = 12, NO_CLOCK_MS.to_bytes(4, "little")
 _CODES = bytes(code & 0xFF for code in (Code.HIDDEN, *HALVES, *FLAGS, Code.OBSTACLE))
 
@@ -88,7 +87,8 @@ class Reader:
         flies = np.zeros((1, n_enemy), np.uint8)
         self._seen = Observations(team=team, side=ruleset.side, enemy_flies=flies, **arrays)
         self._memory, self._enemy_flies = memory.data, flies[0].data
-        self._head = Struct(f"<{_FACTS}{n_own}h{n_enemy}h{n_enemy}b{n_own}B")
+        numbers = list(layout.values())[:-1]  # all but the ground
+        self._head = Struct("".join(f"{np.prod(shape)}{np.dtype(kind).char}" for kind, shape in numbers))
         self._n_own, self._nobody, self._n_kinds = n_own, [-1] * n_enemy, len(ruleset.units)
         self._flies = [*(unit.flies for unit in ruleset.units), False]
         """By type; -1, which is no unit, finds the last, which does not fly."""

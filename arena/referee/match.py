@@ -121,8 +121,6 @@ class Match:
             for team, seen in self._games.observe().items()
         }
         self._blue, self._red = self._seats.values()
-        self._orders = np.zeros((1, sum(n_units.values())), np.int8)
-        self._orders_bytes = self._orders[0].view(np.uint8).data
         self._state = self._games.digestible_views(0)
         self._past: list[bytes] = []
         self.start_record, self._chain = write_start(header, self._games.state.ground[0].tobytes(), b"".join(self._state))
@@ -303,8 +301,7 @@ class Match:
     def _play_tick(self) -> bytes:
         """Step, and return the tick's record."""
         orders = self._blue.answer + self._red.answer
-        self._orders_bytes[:] = orders
-        self._games.play(self._orders)
+        self._games.play(np.frombuffer(orders, np.int8)[None])
         self._past.append(orders)
         marks = bytes((self._blue.mark, self._red.mark))
         record, self._chain = write_tick(self._chain, orders, marks, b"".join(self._state))

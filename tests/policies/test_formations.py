@@ -1,10 +1,13 @@
 """Where scripts stand to each other: lanes of those who wait at home, and pairs that keep together."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from arena.game.keys import secret_from_seed
-from arena.game.ruleset import load
+from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team
 from arena.observation import Observations
 from arena.policy import BatchFactory, BatchPolicy, Orders
@@ -14,7 +17,6 @@ from policies.heuristics.border_hunter import BorderHunter
 from policies.heuristics.defend import Defend
 from policies.heuristics.squad import Squad
 from policies.heuristics.turtle import Turtle
-from policies.memory import Sight
 from policies.tactics import GUARD, NORTH, SOUTH
 from tournaments.fixture import plan_fixture
 
@@ -31,8 +33,32 @@ class Still(BatchPolicy):
         """Stay."""
 
 
-def play(make: BatchFactory, team: Team, opponent: BatchFactory) -> None:
-    """Let a fighter play one team in some matches, each alone."""
+Note = Callable[[BelievingPolicy, Observations], None]
+
+
+class Watched(BatchPolicy):
+    """Shows a note-taker what a fighter thinks, tick by tick."""
+
+    def __init__(self, fighter: BelievingPolicy, note: Note) -> None:
+        super().__init__(fighter.ruleset, fighter.team, fighter.n_seats)
+        self._fighter, self._note = fighter, note
+
+    def start(self, seats: NDArray[np.intp]) -> None:
+        """Begin."""
+        self._fighter.start(seats)
+
+    def act(self, observations: Observations, orders: Orders) -> None:
+        """Decide, and show it."""
+        self._fighter.act(observations, orders)
+        self._note(self._fighter, observations)
+
+
+def play(kind: type[BelievingPolicy], team: Team, opponent: BatchFactory, note: Note) -> None:
+    """Let a fighter play one team in some matches, each alone, and be watched."""
+
+    def make(ruleset: Ruleset, team: Team, n_seats: int) -> BatchPolicy:
+        return Watched(kind(ruleset, team, n_seats), note)
+
     for plan in plan_fixture("formations", "one", "two", N_PAIRS, secret_from_seed(3)):
         if (plan.blue == "one") == (team is Team.BLUE):
             pair = (make, opponent) if team is Team.BLUE else (opponent, make)
@@ -44,16 +70,14 @@ def play(make: BatchFactory, team: Team, opponent: BatchFactory) -> None:
 def test_where_nobody_comes_one_waits_at_the_flag_and_the_others_in_two_lanes(fighter: type[BelievingPolicy], team: Team) -> None:
     seen: list[tuple[int, dict[int, list[tuple[int, int]]]]] = []
 
-    class Watched(fighter):  # type: ignore[misc, valid-type]
-        def decide(self, sight: Sight, orders: Orders) -> None:
-            super().decide(sight, orders)
-            if sight.tick[0] == LAST_OF_WAITING and self.plan.raided_at[0] == 0:
-                places: dict[int, list[tuple[int, int]]] = {}
-                for unit in np.flatnonzero(self.plan.role >= 0):
-                    places.setdefault(int(self.plan.role[unit]), []).append(divmod(int(sight.cell[0, unit]), SIDE))
-                seen.append((3 if self.belief.forward[0] > 0 else 16, places))
+    def note(one: BelievingPolicy, observations: Observations) -> None:
+        if observations.tick[0] == LAST_OF_WAITING and one.plan.raided_at[0] == 0:
+            places: dict[int, list[tuple[int, int]]] = {}
+            for unit in np.flatnonzero(one.plan.role >= 0):
+                places.setdefault(int(one.plan.role[unit]), []).append(divmod(int(observations.cell[0, unit]), SIDE))
+            seen.append((3 if one.belief.forward[0] > 0 else 16, places))
 
-    play(Watched, team, Still)
+    play(fighter, team, Still, note)
 
     assert len(seen) > N_PAIRS / 2
     n_held = 0
@@ -66,24 +90,17 @@ def test_where_nobody_comes_one_waits_at_the_flag_and_the_others_in_two_lanes(fi
     assert n_held > 0.8 * 2 * len(seen)  # obstacles may close a lane
 
 
-class Pairs(Squad):
-    """Notes how far mates are apart."""
-
-    apart: list[int]
-
-    def decide(self, sight: Sight, orders: Orders) -> None:
-        """Decide, and note."""
-        super().decide(sight, orders)
-        for unit, mate in enumerate(self.plan.mate):
-            if mate > unit:
-                assert self.plan.mate[mate] == unit
-                one, two = (divmod(int(sight.cell[0, each]), SIDE) for each in (unit, mate))
-                self.apart.append(max(abs(one[0] - two[0]), abs(one[1] - two[1])))
-
-
 def test_mates_keep_within_two_cells() -> None:
-    Pairs.apart = []
-    play(Pairs, Team.BLUE, Defend)
+    apart: list[int] = []
 
-    assert len(Pairs.apart) > 20 * N_PAIRS
-    assert np.mean(np.array(Pairs.apart) <= 2) > 0.75
+    def note(one: BelievingPolicy, observations: Observations) -> None:
+        for unit, mate in enumerate(one.plan.mate):
+            if mate > unit:
+                assert one.plan.mate[mate] == unit
+                here, there = (divmod(int(observations.cell[0, each]), SIDE) for each in (unit, mate))
+                apart.append(max(abs(here[0] - there[0]), abs(here[1] - there[1])))
+
+    play(Squad, Team.BLUE, Defend, note)
+
+    assert len(apart) > 20 * N_PAIRS
+    assert np.mean(np.array(apart) <= 2) > 0.75
