@@ -18,7 +18,7 @@ from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from arena.policy import BatchPolicy
 from policies.checkpoint import describe, load_checkpoint, save_checkpoint
-from policies.learned import LearnedUnits, as_bf16
+from policies.learned import as_bf16
 from policies.networks import PaperTeam
 from policies.registry import load
 from policies.training.budget import Budget
@@ -96,8 +96,7 @@ class ReinforceRun:
         """Go on until the budget is used up, or `should_stop` says so; then save. Return whether the budget is used up."""
         first_row, n_rows = self.processes.share(self.settings.update_every)
         env = BatchedEnv(self.ruleset, n_rows, seed=self.settings.seed, first_row=first_row)
-        self._opponent = self._seat_opponent(n_rows)
-        self._stage = Stage(env, self._opponent, self.settings)
+        self._stage = Stage(env, self._seat_opponent(n_rows), self.settings)
         self._rng = np.random.default_rng([self.settings.seed, self.processes.rank, self.counts.sittings])
         self._record = Record(self.folder, self.processes, self._tell)
         while self.progress < 1 and not self.processes.share_first(should_stop()):
@@ -141,18 +140,15 @@ class ReinforceRun:
             self.folder.cut_metrics(self.counts.step)
 
     def _seat_opponent(self, n_rows: int) -> BatchPolicy | None:
-        if not self.ruleset.team(Team.RED):
+        """Return who plays red, or None: nobody does, or the learner itself."""
+        if self.settings.opponent == SELF or not self.ruleset.team(Team.RED):
             return None
-        if self.settings.opponent != SELF:
-            return load(self.settings.opponent)(self.ruleset, Team.RED, n_rows)
-        return LearnedUnits(self.ruleset, Team.RED, n_rows, network=self.learner.network)
+        return load(self.settings.opponent)(self.ruleset, Team.RED, n_rows)
 
     def _round(self) -> None:
         """Play as many matches as an update needs, and update."""
         learner = self.learner
         network = as_bf16(learner.network) if learner.is_bf16 else learner.network
-        if isinstance(self._opponent, LearnedUnits):
-            self._opponent.use(learner.network)
         samples, outcome = self._stage.play(network, self.counts.step)
         learner.replay.add(samples)
         facts = learner.update(self.counts.step, self._rng)

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from arena.envs.batched import BatchedEnv
-from arena.game.types import Action, Code, Ending, Team
+from arena.game.types import Code, Ending, Team
 from arena.observation import Observations
 from arena.policy import BatchPolicy
 from policies.features import mirror
@@ -36,21 +36,46 @@ class Outcome:
     """Mean share of the board that blue had in sight."""
 
 
+class _Side:
+    """One team's units, when the learner plays them."""
+
+    def __init__(self, env: BatchedEnv, team: Team, window: int) -> None:
+        flies = np.array([unit.flies for unit in env.ruleset.team(team)], np.uint8)
+        self.team = team
+        self._views = FirstPerson(team, env.ruleset.side, flies, env.n_games, window)
+        self._logits = np.zeros((env.n_games, len(flies), N_ACTIONS), np.float32)
+        self._actions = np.zeros((env.n_games, len(flies)), np.int8)
+        self.row, self.unit = np.zeros((2, 0), np.int64)
+        """Each shape (n,): of the living units in rows that play."""
+
+    def look(self, seen: Observations, is_playing: NDArray[np.bool_]) -> NDArray[np.int8]:
+        """Return the view of each living unit in rows that play, shape (n, window, window)."""
+        self.row, self.unit = np.nonzero((seen.alive > 0) & is_playing[:, None])
+        return self._views.cut(seen)[self.row, self.unit]
+
+    def draw(self, logits: NDArray[np.float32], seen: Observations, orders: NDArray[np.int8]) -> NDArray[np.int64]:
+        """Write the orders of all units; return the actions of those that were looked at, in their frame, shape (n,)."""
+        self._logits[self.row, self.unit] = logits
+        choose(self._logits, np.ascontiguousarray(seen.seed), self._actions)
+        is_turned = self._views.is_turned[:, None].astype(np.bool_)
+        orders[:] = np.where(is_turned, mirror(self._actions), self._actions)
+        return self._actions[self.row, self.unit].astype(np.int64)
+
+
 class Stage:
     """The board on which rounds are played: rows of matches, a view for each unit, and an opponent.
 
     Parameters
     ----------
     opponent
-        Plays red, or None where red has no units.
+        Plays red; where it is None, the learner plays both sides, and learns from blue's.
     """
 
     def __init__(self, env: BatchedEnv, opponent: BatchPolicy | None, settings: ReinforceSettings) -> None:
-        ruleset = env.ruleset
         self.env, self.opponent, self._settings = env, opponent, settings
-        flies = np.array([unit.flies for unit in ruleset.team(Team.BLUE)], np.uint8)
-        self._views = FirstPerson(Team.BLUE, ruleset.side, flies, env.n_games, settings.window)
-        self._orders = {team: np.zeros((env.n_games, len(ruleset.team(team))), np.int8) for team in Team}
+        played = (Team.BLUE, Team.RED) if opponent is None else (Team.BLUE,)
+        self._sides = [_Side(env, team, settings.window) for team in played]
+        self._orders = {team: np.zeros((env.n_games, len(env.ruleset.team(team))), np.int8) for team in Team}
 
     def play(self, network: PaperTeam, update: int) -> tuple[Samples, Outcome]:
         """Play one match in every row, from its first tick to its last, with one policy throughout.
@@ -100,23 +125,24 @@ class Stage:
     def _decide(
         self, network: PaperTeam, seen: dict[Team, Observations], is_playing: NDArray[np.bool_], tick: int, update: int
     ) -> tuple[Samples, NDArray[np.intp]]:
-        """Write all orders of a tick; return what the living units of rows that play saw and did, and the row of each."""
-        blue, orders = seen[Team.BLUE], self._orders[Team.BLUE]
-        views = self._views.cut(blue)
-        rows, units = np.nonzero((blue.alive > 0) & is_playing[:, None])
-        mine, unit = torch.from_numpy(views[rows, units]), torch.from_numpy(units.astype(np.int64))
-        logits = np.zeros((*orders.shape, N_ACTIONS), np.float32)
-        logits[rows, units] = infer_units(network, mine, unit)
-        actions = np.full(orders.shape, Action.STAY, np.int8)
-        choose(logits, np.ascontiguousarray(blue.seed), actions)
-        orders[:] = np.where(self._views.is_turned[:, None].astype(np.bool_), mirror(actions), actions)
+        """Write all orders of a tick; return what blue's living units of rows that play saw and did, and the row of each.
+
+        Both sides, where the learner plays both, go through the network together: its weights are read from memory once.
+        """
+        views = torch.from_numpy(np.concatenate([side.look(seen[side.team], is_playing) for side in self._sides]))
+        unit = torch.from_numpy(np.concatenate([side.unit for side in self._sides]))
+        n = len(self._sides[0].row)
+        logits = infer_units(network, views, unit)
+        drawn = [
+            side.draw(part, seen[side.team], self._orders[side.team])
+            for side, part in zip(self._sides, np.split(logits, [n]), strict=False)
+        ]
         if self.opponent is not None:
             self.opponent.act(seen[Team.RED], self._orders[Team.RED])
-        action = torch.from_numpy(actions[rows, units].astype(np.int64))
-        logp = torch.from_numpy(logits[rows, units]).log_softmax(-1).gather(1, action[:, None]).squeeze(1)
-        n = len(rows)
+        action = torch.from_numpy(drawn[0])
+        logp = torch.from_numpy(logits[:n]).log_softmax(-1).gather(1, action[:, None]).squeeze(1)
         samples = Samples(
-            views=mine, unit=unit, action=action, logp=logp, tick=torch.full((n,), tick), returned=torch.zeros(n),
+            views=views[:n], unit=unit[:n], action=action, logp=logp, tick=torch.full((n,), tick), returned=torch.zeros(n),
             update=torch.full((n,), update),
         )  # fmt: skip
-        return samples, rows
+        return samples, self._sides[0].row

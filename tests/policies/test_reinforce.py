@@ -17,6 +17,7 @@ from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from policies import checkpoint
 from policies.checkpoint import load_checkpoint
+from policies.learned import LearnedUnits
 from policies.networks import PaperTeam
 from policies.registry import load
 from policies.training.budget import Budget
@@ -273,17 +274,19 @@ def test_a_run_goes_on_where_it_was_stopped_and_can_be_played(tmp_path: Path, ti
     assert ((orders >= 0) & (orders < 5)).all()
 
 
-def test_an_opponent_that_is_the_learner_itself_plays_the_weights_of_the_last_update() -> None:
-    settings = replace(SETTINGS, rules="exp2", rate=1e-2)
-    run = run_of(Path("nowhere"), settings, 8)
-    opponent = run._seat_opponent(2)
-    assert opponent is not None
-    before = run.learner.network.members[0].out.bias.clone()
-    run.learner.replay.add(samples(600))
-    run.learner.update(0, np.random.default_rng(0))
+@pytest.mark.parametrize("policies", [1, 3])
+def test_an_opponent_that_is_the_learner_itself_plays_as_it_would_in_a_seat_of_its_own(policies: int) -> None:
+    ruleset = load_rules("exp4").with_({"side": 14, "tick_limit": 40})
+    torch.manual_seed(0)
+    network = PaperTeam(7, policies)
+    env = BatchedEnv(ruleset, 6, seed=1)
+    seated, outcome = Stage(env, LearnedUnits(ruleset, Team.RED, 6, network=network), SETTINGS).play(network, 2)
+    alone, same = stage(ruleset, 6).play(network, 2)
 
-    assert not torch.equal(before, run.learner.network.members[0].out.bias)
-    assert opponent._network is run.learner.network  # type: ignore[attr-defined]
+    assert len(alone.unit) == len(seated.unit)
+    assert torch.equal(alone.action, seated.action)
+    np.testing.assert_array_equal(same.score, outcome.score)
+    assert (outcome.score != 0).any()
 
 
 def test_a_nan_keeps_the_last_good_checkpoint(tmp_path: Path, tiny: str) -> None:
