@@ -16,7 +16,7 @@ from policies.learned import LearnedTeam
 from policies.networks import TeamNetwork
 from policies.registry import load
 
-SELF, BEST, PAST = "self", "best", "past"
+SELF, BEST, PAST, NOBODY = "self", "best", "past", "nobody"
 _MOST_PAST = 20
 """Former selves that are kept; with one more, the second oldest goes, and the start stays."""
 
@@ -86,13 +86,15 @@ class Pool:
 
 
 class Opponents:
-    """All fighters on the red side of a batch of rows, except where the learner plays itself."""
+    """All fighters on the red side of a batch of rows, except where the learner plays itself, or red has no units."""
 
     def __init__(self, ruleset: Ruleset, shares: Mapping[str, float], first_row: int, n_rows: int, network: TeamNetwork) -> None:
-        self.rows = assign(shares, first_row, n_rows)
+        self.rows = assign(shares if ruleset.team(Team.RED) else {NOBODY: 1.0}, first_row, n_rows)
         self.self_rows = self.rows.pop(SELF, np.zeros(0, np.intp))
         self._fighters: dict[str, BatchPolicy] = {}
         for name, rows in self.rows.items():
+            if name == NOBODY:
+                continue
             if name in (BEST, PAST):
                 self._fighters[name] = LearnedTeam(ruleset, Team.RED, len(rows), network=deepcopy(network))
             else:
@@ -109,13 +111,14 @@ class Opponents:
 
     def start(self, has_ended: NDArray[np.bool_]) -> None:
         """Tell those whose match has ended that a new one begins."""
-        for name, rows in self.rows.items():
-            self._fighters[name].start(np.flatnonzero(has_ended[rows]))
+        for name, fighter in self._fighters.items():
+            fighter.start(np.flatnonzero(has_ended[self.rows[name]]))
 
     def act(self, red: Observations, orders: NDArray[np.int8]) -> None:
         """Write the orders of all rows but those of self-play."""
-        for name, rows in self.rows.items():
-            self._fighters[name].act(red.select(rows), self._orders[name])
+        for name, fighter in self._fighters.items():
+            rows = self.rows[name]
+            fighter.act(red.select(rows), self._orders[name])
             orders[rows] = self._orders[name]
 
 

@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from policies.networks import Critic, TeamNetwork, TeamShape
 from policies.training.budget import Budget
 from policies.training.clone import Teacher, clone
 from policies.training.folder import LAST, START, STEP, RunFolder
-from policies.training.opponents import BEST, PAST, Opponents, Pool
+from policies.training.opponents import BEST, PAST, Opponents, Pool, assign
 from policies.training.parallel import Processes
 from policies.training.ppo import Learner, Schedule
 from policies.training.record import Record, Tell
@@ -85,8 +86,10 @@ class Run:
             folder, settings, start, budget, processes, tell,
         )  # fmt: skip
         self.ruleset: Ruleset = load_rules(settings.rules)
-        if self.ruleset.side % 2 or not self.ruleset.team(Team.BLUE):
-            raise InputError(f"ruleset {self.ruleset.name}: blue has no units to train")
+        self._rulesets = {name: load_rules(name) for name in settings.shares()}
+        for ruleset in self._rulesets.values():
+            if ruleset.side % 2 or not ruleset.team(Team.BLUE):
+                raise InputError(f"ruleset {ruleset.name}: blue has no units to train")
         torch.manual_seed(settings.seed)
         network = TeamNetwork(TeamShape(channels=settings.channels, blocks=settings.blocks))
         if start and not start.startswith(CLONE):
@@ -102,10 +105,7 @@ class Run:
 
     def train(self, should_stop: Callable[[], bool]) -> bool:
         """Go on until the budget is used up, or `should_stop` says so; then save. Return whether the budget is used up."""
-        first_row, n_rows = self.processes.share(self.settings.games)
-        env = BatchedEnv(self.ruleset, n_rows, seed=self.settings.seed * 1_000_003 + self.counts.sittings, first_row=first_row)
-        self._opponents = Opponents(self.ruleset, self.settings.opponents, first_row, n_rows, self.learner.network)
-        self._player = Player(env, self._opponents)
+        self._players = {name: self._seat(ruleset) for name, ruleset in self._rulesets.items()}
         self._generator = torch.Generator().manual_seed(self.settings.seed + self.processes.rank + 977 * self.counts.sittings)
         self._rng = np.random.default_rng([self.settings.seed, self.processes.rank, self.counts.sittings])
         self._record = Record(self.folder, self.processes, self._tell)
@@ -116,6 +116,15 @@ class Run:
             self._improve()
         self.save()
         return self.progress >= 1
+
+    def _seat(self, ruleset: Ruleset) -> Player:
+        first_row, n_rows = self.processes.share(self.settings.games)
+        env = BatchedEnv(ruleset, n_rows, seed=self.settings.seed * 1_000_003 + self.counts.sittings, first_row=first_row)
+        return Player(env, Opponents(ruleset, self.settings.opponents, first_row, n_rows, self.learner.network))
+
+    def _rules_now(self) -> str:
+        """Return the ruleset whose turn it is: the one that is furthest behind its share."""
+        return next(iter(assign(self.settings.shares(), self.counts.step, 1)))
 
     @property
     def progress(self) -> float:
@@ -153,14 +162,15 @@ class Run:
             self.folder.cut_metrics(self.counts.step)
 
     def _clone(self, name: str, should_stop: Callable[[], bool]) -> None:
-        teacher = Teacher(name, self._player)
+        teachers = {rules: Teacher(name, player) for rules, player in self._players.items()}
         while self.counts.cloned < self.settings.clone_samples:
             if self._agree(should_stop()) or self.progress >= 1:
                 return
             part = self.counts.cloned / self.settings.clone_samples
-            n, facts = clone(self._player, teacher, self.learner, part, self._rng, self._generator)
+            rules = self._rules_now()
+            n, facts = clone(self._players[rules], teachers[rules], self.learner, part, self._rng, self._generator)
             self.counts.cloned += n * self.processes.n
-            self._note("clone", n, facts, Results())
+            self._note("clone", rules, n, facts, Results())
         self.learner.network.load_state_dict(self.learner.average)
         self.learner.optimiser = torch.optim.Adam(self.learner.parameters, lr=self.settings.rate, eps=1e-5)
         self.pool = Pool(self.learner.average, gate_matches=self.settings.gate_matches, gate_score=self.settings.gate_score)
@@ -170,22 +180,25 @@ class Run:
 
     def _improve(self) -> None:
         """Play a rollout, learn from it, and see whether the best self is to be replaced."""
-        results, start_s = Results(), time.monotonic()
+        rules, results, start_s = self._rules_now(), Results(), time.monotonic()
+        player = self._players[rules]
         now = schedule(self.settings, self._ppo_progress(), self.counts.rollouts)
-        experience = collect(self._player, as_bf16(self.learner.network), self.settings.horizon, results)
+        experience = collect(player, as_bf16(self.learner.network), self.settings.horizon, results)
         played_s = time.monotonic() - start_s
-        facts = self.learner.learn(experience, self._player.n_walkers, now, self._generator)
+        facts = self.learner.learn(experience, player.n_walkers, now, self._generator)
         facts |= {"rate": now.rate, "played_share": played_s / (time.monotonic() - start_s)}
         n = experience.reward.numel()
         self.counts.samples += n * self.processes.n
         self.counts.rollouts += 1
+        if rules != self.settings.rules:
+            results.points = {rules: list(chain(*results.points.values()))}
         for theirs in self.processes.gather((results.points.get(BEST, []), self._past, results.points.get(PAST, []))):
             best, past, against_past = theirs
             self.pool.note_best(best)
             self.pool.note_past(past, against_past)
         if self.pool.try_gate(self.learner.average) or self.counts.rollouts % 8 == 0:
             self._meet_selves()
-        self._note("ppo", n, facts, results)
+        self._note("ppo", rules, n, facts, results)
 
     def _ppo_progress(self) -> float:
         """How much of what cloning left of the budget is used up."""
@@ -198,10 +211,11 @@ class Run:
 
     def _meet_selves(self) -> None:
         self._past = min(self.pool.draw_past(self._rng), len(self.pool.selves) - 1)
-        self._opponents.use(BEST, self.pool.best, self.learner.network)
-        self._opponents.use(PAST, self.pool.selves[self._past], self.learner.network)
+        for player in self._players.values():
+            player.opponents.use(BEST, self.pool.best, self.learner.network)
+            player.opponents.use(PAST, self.pool.selves[self._past], self.learner.network)
 
-    def _note(self, stage: str, n: int, facts: dict[str, float], results: Results) -> None:
+    def _note(self, stage: str, rules: str, n: int, facts: dict[str, float], results: Results) -> None:
         """Count, write the metrics, save if it is time, and tell."""
         took_s = self._record.lap()
         self.counts.step += 1
@@ -214,12 +228,13 @@ class Run:
                 self.scores[name] = (1 - weight) * self.scores.get(name, 0.5) + weight * float(np.mean(points))
         per_s = n * self.processes.n / max(took_s, 1e-9)
         row: dict[str, float | int | str] = {
-            STEP: self.counts.step, "stage": stage, "seconds": self.counts.seconds, "cloned": self.counts.cloned,
+            STEP: self.counts.step, "stage": stage, "rules": rules, "seconds": self.counts.seconds, "cloned": self.counts.cloned,
             "samples": self.counts.samples, "per_s": per_s, "selves": len(self.pool.selves),
             "ticks": float(np.mean(results.ticks)) if results.ticks else math.nan,
         }  # fmt: skip
         row |= {name: facts.get(name, math.nan) for name in _FACTS}
-        row |= {f"score_{name}": self.scores.get(name, math.nan) for name in sorted(self.settings.opponents)}
+        met = sorted([*self.settings.opponents, *self.settings.also])
+        row |= {f"score_{name}": self.scores.get(name, math.nan) for name in met}
         self._record.add(row, self.counts.cloned + self.counts.samples)
         if self._record.is_save_due():
             self.save()

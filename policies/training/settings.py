@@ -16,6 +16,8 @@ class Settings:
 
     seed: int = 1
     rules: str = "paper"
+    also: dict[str, float] = field(default_factory=dict)
+    """Share of the lessons and rollouts that are of each of some other rulesets; the rest are of `rules`."""
     channels: int = 48
     blocks: int = 3
     games: int = 192
@@ -69,6 +71,12 @@ class Settings:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least {least}")
         if not self.opponents or min(self.opponents.values()) < 0 or sum(self.opponents.values()) <= 0:
             raise InputError("the setting opponents must give each a share, and one of them more than 0")
+        if min(self.also.values(), default=0.0) < 0 or sum(self.also.values()) >= 1 or self.rules in self.also:
+            raise InputError(f"the setting also must give other rulesets than {self.rules} shares of less than 1 in all")
+
+    def shares(self) -> dict[str, float]:
+        """Return the share of each ruleset."""
+        return {self.rules: 1 - sum(self.also.values()), **self.also}
 
     def with_(self, assignments: Iterable[str]) -> "Settings":
         """Return a copy with values such as "games=64" or "opponents.rush=0.5" replaced."""
@@ -103,7 +111,9 @@ def read_values(kind: type[Kind], values: Mapping[str, Any]) -> Kind:
 
 
 def _merged(old: Settings, new: dict[str, Any]) -> dict[str, Any]:
-    """Return new values; shares of opponents that are not named stay."""
-    if isinstance(new.get("opponents"), dict):
-        new["opponents"] = {name: float(share) for name, share in {**old.opponents, **new["opponents"]}.items() if share > 0}
+    """Return new values; shares of opponents and rulesets that are not named stay."""
+    for name in ("opponents", "also"):
+        if isinstance(new.get(name), dict):
+            shares = {**getattr(old, name), **new[name]}
+            new[name] = {one: float(share) for one, share in shares.items() if share > 0}
     return new

@@ -239,6 +239,34 @@ def test_a_run_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     assert manifest.training["samples"] == second.counts.samples
 
 
+def test_other_rulesets_get_their_share_of_lessons_and_rollouts(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "run")
+    folder.create({})
+    settings = replace(SETTINGS, also={"exp1": 0.5}, clone_samples=200)
+    run = Run(folder, settings, "clone:rush", Budget(samples=900), Processes(), lambda *_: None)
+    run.train(lambda: False)
+
+    rows = rows_of(folder.path)
+    lessons = sum(row["stage"] == "clone" for row in rows)
+    assert [row["rules"] for row in rows] == [("exp1", "paper")[step % 2] for step in range(len(rows))]
+    assert 1 < lessons < len(rows) - 4
+    assert load_checkpoint(folder.path / LAST).manifest.ruleset == "paper"
+    assert "score_exp1" in rows[0]
+
+
+def test_where_red_has_no_units_the_learner_meets_nobody() -> None:
+    torch.manual_seed(0)
+    exp1 = load_rules("exp1").with_({"tick_limit": 12})
+    player = Player(BatchedEnv(exp1, 4, seed=1), Opponents(exp1, SETTINGS.opponents, 0, 4, TeamNetwork(SMALL)))
+    results = Results()
+    experience = collect(player, TeamNetwork(SMALL), 30, results)
+
+    assert player.n_seats == 4
+    assert list(results.points) == ["nobody"]
+    assert (experience.reward >= 0).all()
+    assert len(results.points["nobody"]) == int(experience.has_ended.sum()) >= 8
+
+
 def test_a_damaged_state_and_a_taken_folder_are_refused(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path)
     with pytest.raises(InputError, match="no run in"):
@@ -265,6 +293,10 @@ def test_a_start_of_another_ruleset_or_shape_is_refused(tmp_path: Path) -> None:
 
 
 def test_settings_name_what_is_wrong() -> None:
+    assert Settings().with_(["also.exp1=0.25", "also.exp2=0.25"]).shares() == {"paper": 0.5, "exp1": 0.25, "exp2": 0.25}
+    for also in ("also.exp1=1", "also.paper=0.1"):
+        with pytest.raises(InputError, match="other rulesets"):
+            Settings().with_([also])
     assert Settings().with_(["games=64", "opponents.rush=0.5", "opponents.roomba=0"]).opponents["rush"] == 0.5
     assert "roomba" not in Settings().with_(["opponents.roomba=0"]).opponents
     with pytest.raises(UnknownNameError, match="gamma"):
