@@ -17,6 +17,7 @@ from torch import Tensor, nn
 
 from arena.errors import ArenaError, PolicyError
 from arena.game.ruleset import Ruleset
+from arena.game.types import Code
 from policies.features import FEATURES_VERSION
 from policies.networks import PaperTeam, TeamNetwork, TeamShape
 
@@ -69,7 +70,8 @@ def build_network(kind: str, shape: Mapping[str, int]) -> nn.Module:
         except TypeError as error:
             raise ValueError(f"it names sizes that a team network has not: {', '.join(shape)}") from error
     if kind == "paper":
-        if not (set(shape) <= {"window", "agents"} and 7 <= shape["window"] <= 64 and 1 <= shape["agents"] <= MOST_AGENTS):
+        is_known = set(shape) <= {"window", "agents", "planes"} and shape.get("planes", 1) in (1, len(Code))
+        if not (is_known and 7 <= shape["window"] <= 64 and 1 <= shape["agents"] <= MOST_AGENTS):
             raise ValueError(f"no network of the paper has the sizes {shape}")
         return PaperTeam(**shape)
     raise ValueError(f"its network is {kind!r}; known: {', '.join(KINDS)}")
@@ -80,7 +82,7 @@ def shape_of(network: nn.Module) -> tuple[str, dict[str, int]]:
     if isinstance(network, TeamNetwork):
         return "team", asdict(network.shape)
     if isinstance(network, PaperTeam):
-        return "paper", {"window": network.window, "agents": network.agents}
+        return "paper", {"window": network.window, "agents": network.agents, "planes": network.planes}
     raise ValueError(f"{type(network).__name__} is no network that a checkpoint can hold")
 
 

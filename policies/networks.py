@@ -207,19 +207,28 @@ class Critic(nn.Module):
 
 
 class PaperNetwork(nn.Module):
-    """The paper's Table 5, for one unit's own view: two convolutions without padding, a dense layer, five actions."""
+    """The paper's Table 5, for one unit's own view: two convolutions without padding, a dense layer, five actions.
 
-    def __init__(self, window: int = 20) -> None:
+    Parameters
+    ----------
+    planes
+        1, which is the paper's raw codes, or one for each `Code`, 1 where it stands.
+    """
+
+    def __init__(self, window: int = 20, planes: int = 1) -> None:
         super().__init__()
-        self.window = window
-        self.first = nn.Conv2d(1, 32, 5)
+        self.window, self.planes = window, planes
+        self.first = nn.Conv2d(planes, 32, 5)
         self.second = nn.Conv2d(32, 32, 3)
         self.dense = nn.Linear(32 * (window - 6) ** 2, 400)
         self.out = nn.Linear(400, N_ACTIONS)
 
     def forward(self, views: Tensor) -> Tensor:
         """Return logits, float32, shape (n, actions), of views of raw codes, shape (n, window, window)."""
-        board = views[:, None].to(self.first.weight.dtype)
+        board = views[:, None]
+        if self.planes > 1:
+            board = board == torch.arange(-1, self.planes - 1, device=views.device)[:, None, None]
+        board = board.to(self.first.weight.dtype)
         board = functional.relu(self.second(functional.relu(self.first(board))))
         return cast(Tensor, self.out(functional.relu(self.dense(board.flatten(1))))).float()
 
@@ -235,10 +244,10 @@ class PaperTeam(nn.Module):
         Networks; 1 is a policy that all units share.
     """
 
-    def __init__(self, window: int = 20, agents: int = 1) -> None:
+    def __init__(self, window: int = 20, agents: int = 1, planes: int = 1) -> None:
         super().__init__()
-        self.window, self.agents = window, agents
-        self.members = nn.ModuleList(PaperNetwork(window) for _ in range(agents))
+        self.window, self.agents, self.planes = window, agents, planes
+        self.members = nn.ModuleList(PaperNetwork(window, planes) for _ in range(agents))
 
     def forward(self, views: Tensor, unit: Tensor) -> Tensor:
         """Return logits, float32, shape (n, actions).

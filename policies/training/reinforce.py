@@ -34,6 +34,9 @@ of the batch, `optimiser=adam`, the default, gives the mean gradient to Adam: pu
 *Each agent carries its own policy.* The paper has also "a mutual policy", and units that "work in any number from 1 to N".
 `policies=shared` gives all the same weights, `policies=each` has a network for each index of a unit.
 
+*Figure 3, the board of codes.* A unit's view is one plane of the codes of Table 2, as they stand. A convolution finds it hard to
+tell 7, the flag, from 8, an obstacle; `codes=planes` gives each code a plane of its own.
+
 *Self-play: after the policy update, we upgraded the policy of the opponent team with the current best model.* `opponent=self`
 plays against the policy of the last update; any other name is a fighter. What the opponent sees is not learned from.
 """

@@ -81,7 +81,7 @@ class ReinforceRun:
         if settings.update_every < processes.n:
             raise InputError(f"update_every is {settings.update_every}; {processes.n} processes need a match each")
         torch.manual_seed(settings.seed)
-        network = PaperTeam(settings.window, settings.agents(n_units))
+        network = PaperTeam(settings.window, settings.agents(n_units), settings.planes)
         if start:
             _transfer(Path(start), self.ruleset.name, network)
         self.learner = Reinforcer(network, settings, processes, device)
@@ -194,7 +194,9 @@ def _transfer(path: Path, rules: str, network: PaperTeam) -> None:
     if not isinstance(before, PaperTeam):
         raise InputError(f"cannot start from {path}: it holds a {checkpoint.manifest.network} network, not one of the paper's")
     check_start(path, checkpoint.manifest, load_rules(rules))
-    if before.window != network.window:
-        raise InputError(f"cannot start from {path}: its window is {before.window}, and the settings ask for {network.window}")
+    for name in ("window", "planes"):
+        found, wanted = getattr(before, name), getattr(network, name)
+        if found != wanted:
+            raise InputError(f"cannot start from {path}: its {name} is {found}, and the settings ask for {wanted}")
     for index, member in enumerate(network.members):
         member.load_state_dict(before.members[index % before.agents].state_dict())

@@ -6,6 +6,7 @@ from typing import Any
 
 from arena.errors import InputError
 from arena.game.ruleset import parse_overrides
+from arena.game.types import Code
 from policies.checkpoint import MOST_AGENTS
 from policies.first_person import WINDOW
 from policies.training.settings import read_values
@@ -16,6 +17,7 @@ READINGS = {
     "reward": ("terminal", "stream", "differences"),
     "baseline": ("none", "mean"),
     "optimiser": ("adam", "ascent"),
+    "codes": ("raw", "planes"),
 }
 """The switches that are words, and the words that each takes; the first is the default."""
 
@@ -45,6 +47,8 @@ class ReinforceSettings:
     normalise: bool = False
     """Whether returns are divided by their standard deviation in the batch."""
     optimiser: str = "adam"
+    codes: str = "raw"
+    """How the board is shown: as one plane of raw codes, which is the paper's way, or as a plane for each code."""
     entropy: float = 0.0
     """Weight of the policy's entropy; the paper has none."""
     opponent: str = SELF
@@ -71,6 +75,11 @@ class ReinforceSettings:
     def with_(self, assignments: Iterable[str]) -> "ReinforceSettings":
         """Return a copy with values such as "reward=stream" replaced."""
         return from_dict({**asdict(self), **parse_overrides(map(_quoted, assignments))})
+
+    @property
+    def planes(self) -> int:
+        """Planes of a unit's view, as `networks.PaperNetwork` has them."""
+        return len(Code) if self.codes == "planes" else 1
 
     def agents(self, n_units: int) -> int:
         """Return how many policies a team of `n_units` has."""

@@ -12,7 +12,7 @@ from safetensors.torch import load_file, save_file
 from arena.envs.batched import BatchedEnv
 from arena.errors import ArenaError, PolicyError
 from arena.game.ruleset import load as load_rules
-from arena.game.types import Team
+from arena.game.types import Code, Team
 from policies import checkpoint
 from policies.checkpoint import Manifest, load_checkpoint, read_manifest, save_checkpoint, shape_of
 from policies.features import FEATURES_VERSION
@@ -125,10 +125,10 @@ def test_a_disk_that_refuses_leaves_what_was_there(saved: Path, monkeypatch: pyt
     assert [file.name for file in saved.parent.iterdir()] == [saved.name]
 
 
-@pytest.mark.parametrize("kind", ["team", "paper"])
+@pytest.mark.parametrize("kind", ["team", "paper", "planes"])
 @pytest.mark.parametrize("rules", [{}, {"side": 16, "units": {"ugv": {"blue": 2}, "uav": {"blue": 0}}}])
 def test_a_checkpoint_plays_as_any_fighter(tmp_path: Path, kind: str, rules: dict[str, object]) -> None:
-    network = TeamNetwork(SMALL) if kind == "team" else PaperTeam()
+    network = TeamNetwork(SMALL) if kind == "team" else PaperTeam(planes=len(Code) if kind == "planes" else 1)
     save_checkpoint(tmp_path / "one.safetensors", network.state_dict(), manifest_of(network))
     ruleset = PAPER.with_(rules)
     env, n_games = BatchedEnv(ruleset, 20, seed=5), 20

@@ -6,7 +6,7 @@ import torch
 
 from arena.envs.batched import BatchedEnv
 from arena.game.ruleset import Ruleset, load
-from arena.game.types import Team
+from arena.game.types import Code, Team
 from policies.features import N_PLANES, N_SCALARS, Encoder
 from policies.learned import choose, infer
 from policies.networks import N_TRUTH_PLANES, Critic, PaperNetwork, TeamNetwork, TeamShape
@@ -39,6 +39,23 @@ def test_the_papers_network_has_the_sizes_of_table_5() -> None:
         "out.weight": (5, 400),
     }
     assert made(torch.zeros(3, 20, 20, dtype=torch.int8)).shape == (3, 5)
+
+
+def test_a_plane_for_each_code_shows_what_the_raw_codes_show() -> None:
+    made = PaperNetwork(planes=len(Code))
+    with torch.no_grad():
+        made.first.weight.zero_()
+        made.first.bias.zero_()
+        made.first.weight[0, Code.RED_FLAG + 1] = 1.0  # sees a flag, and nothing else
+    views = torch.full((2, 20, 20), int(Code.OBSTACLE), dtype=torch.int8)
+    views[1, 4, 9] = Code.RED_FLAG
+    seen: list[torch.Tensor] = []
+    made.first.register_forward_hook(lambda *told: seen.append(told[2].detach()))
+    made(views)
+
+    assert not seen[0][0].any()
+    assert seen[0][1, 0].sum() == 25
+    assert seen[0][1, 0, 0:5, 5:10].all()
 
 
 @pytest.mark.parametrize(("side", "n_ugv", "n_uav"), [(20, 4, 2), (16, 1, 0), (28, 8, 2), (20, 0, 3)])

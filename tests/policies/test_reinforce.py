@@ -338,6 +338,15 @@ def test_a_policy_for_each_unit_is_handed_on_to_a_larger_team(tmp_path: Path) ->
         assert torch.equal(larger.members[index].out.bias, before.members[index % 4].out.bias)
 
 
+def test_a_policy_of_other_planes_is_no_start(tmp_path: Path, tiny: str) -> None:
+    first = tmp_path / "raw"
+    RunFolder(first).create({})
+    settings = replace(SETTINGS, rules=tiny)
+    run_of(first, settings, 4).train(lambda: False)
+    with pytest.raises(InputError, match="planes is 1, and the settings ask for 10"):
+        run_of(tmp_path / "planes", replace(settings, codes="planes"), 4, start=str(first / LAST))
+
+
 @pytest.mark.parametrize(
     ("assignment", "reason"),
     [
