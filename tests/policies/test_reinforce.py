@@ -338,13 +338,13 @@ def test_a_policy_for_each_unit_is_handed_on_to_a_larger_team(tmp_path: Path) ->
         assert torch.equal(larger.members[index].out.bias, before.members[index % 4].out.bias)
 
 
-def test_a_policy_of_other_planes_is_no_start(tmp_path: Path, tiny: str) -> None:
+def test_a_policy_of_other_planes_is_no_start(tmp_path: Path) -> None:
     first = tmp_path / "raw"
     RunFolder(first).create({})
-    settings = replace(SETTINGS, rules=tiny)
-    run_of(first, settings, 4).train(lambda: False)
+    settings = replace(SETTINGS, rules="exp1", update_every=1, batch=10)
+    run_of(first, settings, 1).train(lambda: False)
     with pytest.raises(InputError, match="planes is 1, and the settings ask for 10"):
-        run_of(tmp_path / "planes", replace(settings, codes="planes"), 4, start=str(first / LAST))
+        run_of(tmp_path / "planes", replace(settings, codes="planes"), 1, start=str(first / LAST))
 
 
 @pytest.mark.parametrize(
