@@ -7,7 +7,9 @@ from typer.testing import CliRunner
 
 from arena.cli import app
 from arena.game.ruleset import load
+from tournaments.evaluation.alone import play_alone, shortest_ways
 from tournaments.evaluation.evaluate import evaluate
+from tournaments.fixture import plan_fixture
 
 PAPER = load("paper")
 
@@ -33,6 +35,37 @@ def test_a_fighter_meets_itself() -> None:
     assert one.wins + one.draws + one.losses == 8
 
 
+def test_alone_a_fighter_that_knows_the_way_takes_nearly_the_shortest() -> None:
+    exp1 = load("exp1")
+    one = play_alone(exp1, "rush", matches=40, seed=3, advance=lambda _: None, workers=1)
+    lost = play_alone(exp1, "random", matches=40, seed=3, advance=lambda _: None, workers=1)
+
+    assert one.captures == 40
+    assert 1.0 <= one.detour < 1.1
+    assert lost.shortest == one.shortest
+    assert lost.detour > 2
+    assert lost.captures < 20
+
+
+BOARD = """
+........
+.F..##.f
+.U..##..
+........
+........
+........
+........
+U.......
+"""
+
+
+def test_the_shortest_way_goes_round_obstacles_from_whoever_is_nearest() -> None:
+    ruleset = load("exp1").with_({"side": 8, "board": BOARD, "units": {"ugv": {"blue": 2}}})
+    plans = plan_fixture("evaluation", "one", "other", 3, bytes(32))
+
+    assert shortest_ways(ruleset, plans) == [9] * 6
+
+
 @pytest.mark.parametrize("against", ["", " , ", "candidate"])
 def test_a_list_that_names_nobody_is_refused(against: str) -> None:
     done = CliRunner().invoke(app, ["evaluate", "rush", "--against", against])
@@ -47,3 +80,13 @@ def test_json_is_one_document() -> None:
     facts = json.loads(done.stdout)
     assert facts["rules_hash"] == PAPER.hash
     assert facts["against"]["random"]["wins"] + facts["against"]["random"]["losses"] + facts["against"]["random"]["draws"] == 4
+
+
+def test_alone_is_a_table_and_json_too() -> None:
+    order = ["evaluate", "rush", "--rules", "exp1", "--pairs", "4", "--workers", "1"]
+    table = CliRunner().invoke(app, order).stdout
+    facts = json.loads(CliRunner().invoke(app, [*order, "--json"]).stdout)
+
+    assert "4 matches alone, rules exp1" in table
+    assert facts["alone"]["captures"] == 4
+    assert facts["alone"]["detour"] == facts["alone"]["ticks"] / facts["alone"]["shortest"]

@@ -27,12 +27,17 @@ def evaluate(
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; one per core without it.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure a fighter against others: a draw counts half, intervals are over pairs."""
+    """Measure a fighter against others: a draw counts half, intervals are over pairs.
+
+    Where the ruleset gives red no units, as exp1 does, it plays alone: how often it takes the flag, and how straight.
+    """
     from dataclasses import asdict
 
     from arena.game.ruleset import load as load_rules
     from arena.game.ruleset import parse_overrides
+    from arena.game.types import Team
     from policies.registry import load
+    from tournaments.evaluation.alone import play_alone
     from tournaments.evaluation.evaluate import CANDIDATE
     from tournaments.evaluation.evaluate import evaluate as play_all
 
@@ -40,16 +45,24 @@ def evaluate(
     if not opponents or CANDIDATE in opponents:
         raise InputError(f"--against is {against!r}; it must name fighters, divided by commas, and none called {CANDIDATE}")
     ruleset = load_rules(rules).with_(parse_overrides(settings or []))
+    facts = {"fighter": checkpoint, "rules": ruleset.name, "rules_hash": ruleset.hash, "seed": seed, "pairs": pairs}
+    if not ruleset.team(Team.RED):
+        with stdout_to_stderr(), progress_bar(pairs, checkpoint) as advance:
+            alone = play_alone(ruleset, checkpoint, matches=pairs, seed=seed, advance=advance, workers=workers)
+        if as_json:
+            print_json({**facts, "alone": alone.to_dict()})
+            return
+        row = (f"{alone.captures / alone.matches:.3f}", f"{alone.ticks:.1f}", f"{alone.shortest:.1f}", f"{alone.detour:.2f}")
+        print_table(("captures", "ticks", "shortest way", "ticks / shortest"), [row])
+        typer.echo(f"{pairs} matches alone, rules {ruleset.name}, seed {seed}")
+        return
     with stdout_to_stderr():
         for spec in (checkpoint, *opponents):
             load(spec)
     with stdout_to_stderr(), progress_bar(2 * pairs * len(opponents), checkpoint) as advance:
         found = dict(play_all(ruleset, checkpoint, opponents, pairs=pairs, seed=seed, advance=advance, workers=workers))
     if as_json:
-        print_json({
-            "fighter": checkpoint, "rules": ruleset.name, "rules_hash": ruleset.hash, "seed": seed, "pairs": pairs,
-            "against": {name: asdict(one) for name, one in found.items()},
-        })  # fmt: skip
+        print_json({**facts, "against": {name: asdict(one) for name, one in found.items()}})
         return
     print_table(
         ("against", "wins", "draws", "losses", "score", "95% interval", "game score", "ticks", "endings"),
