@@ -70,7 +70,7 @@ def build_network(kind: str, shape: Mapping[str, int]) -> nn.Module:
         except TypeError as error:
             raise ValueError(f"it names sizes that a team network has not: {', '.join(shape)}") from error
     if kind == "paper":
-        is_known = set(shape) <= {"window", "agents", "planes"} and shape.get("planes", 1) in (1, len(Code))
+        is_known = set(shape) == {"window", "agents", "planes"} and shape["planes"] in (1, len(Code))
         if not (is_known and 7 <= shape["window"] <= 64 and 1 <= shape["agents"] <= MOST_AGENTS):
             raise ValueError(f"no network of the paper has the sizes {shape}")
         return PaperTeam(**shape)

@@ -131,7 +131,7 @@ class LearnedUnits(BatchPolicy):
 
     def use(self, network: PaperTeam) -> None:
         """Play with another network from now on."""
-        self._network = network.eval()
+        self._network = network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._fast = as_bf16(network) if has_fast_bf16() and self.n_seats >= _SMALLEST_BF16 else self._network
 
     def act(self, observations: Observations, orders: Orders) -> None:

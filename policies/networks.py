@@ -230,6 +230,7 @@ class PaperNetwork(nn.Module):
             board = board == torch.arange(-1, self.planes - 1, device=views.device)[:, None, None]
         board = board.to(self.first.weight.dtype)
         board = functional.relu(self.second(functional.relu(self.first(board))))
+        board = board.permute(0, 2, 3, 1)  # as it lies in memory: another order would be copied here, and again on the way back
         return cast(Tensor, self.out(functional.relu(self.dense(board.flatten(1))))).float()
 
 

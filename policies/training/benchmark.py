@@ -22,6 +22,7 @@ from arena.errors import ArenaError
 from arena.game.ruleset import load as load_rules
 from policies.learned import as_bf16, has_fast_bf16
 from policies.networks import PaperTeam
+from policies.training.allocator import KEEP
 from policies.training.parallel import Processes
 from policies.training.reinforce import Reinforcer
 from policies.training.reinforce_settings import ReinforceSettings
@@ -37,7 +38,7 @@ class Clock(PaperTeam):
     """A network that adds up the time spent in it."""
 
     def __init__(self, network: PaperTeam) -> None:
-        super().__init__(network.window, network.agents)
+        super().__init__(network.window, network.agents, network.planes)
         self.members, self.seconds = network.members, 0.0
 
     def forward(self, views: torch.Tensor, unit: torch.Tensor) -> torch.Tensor:
@@ -49,17 +50,16 @@ class Clock(PaperTeam):
 
 def run(progress: Callable[[str], None]) -> dict[str, Any]:
     """Samples per second of back-propagation and of the whole loop, and how near they come to the cores' roof."""
-    kept = dict.fromkeys(("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"), "1073741824")
-    variants = {"fp32_as_it_comes": (False, {}), "fp32": (False, kept)}
+    variants = {"fp32_as_it_comes": (False, {}), "fp32": (False, KEEP)}
     if has_fast_bf16():
-        variants["bf16"] = (True, kept)
+        variants["bf16"] = (True, KEEP)
     results: dict[str, Any] = {"threads": n_threads()}
     for name, (is_bf16, environment) in variants.items():
         progress(name)
         # A process of its own: the allocator reads its settings once. `arena train` keeps memory as the later variants do.
         call = f"measure({is_bf16}, {MATCHES}, {MULTIPLIED}, {BATCH}, {RUNS})"
         code = f"import json; from policies.training.benchmark import measure; print(json.dumps({call}))"
-        bare = {key: value for key, value in os.environ.items() if key not in kept}
+        bare = {key: value for key, value in os.environ.items() if key not in KEEP}
         done = subprocess.run(
             [sys.executable, "-c", code], env={**bare, **environment}, capture_output=True, text=True, check=False
         )

@@ -13,6 +13,7 @@ import typer
 
 from arena.console import AsJson, complete_ruleset, print_json, print_table
 from arena.errors import InputError
+from policies.training.allocator import KEEP
 
 if TYPE_CHECKING:
     from policies.training.methods import Order
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
 METHODS = ("ppo", "reinforce")
 _LINE_EVERY_S = 10.0
-_ALLOCATOR = {"MALLOC_MMAP_THRESHOLD_": "1073741824", "MALLOC_TRIM_THRESHOLD_": "1073741824"}
-"""Kept memory is cheaper than fresh memory: without this, every large tensor is mapped, and faulted in, anew."""
 
 train = typer.Typer(invoke_without_command=True, pretty_exceptions_enable=False)
 
@@ -64,9 +63,9 @@ def start_or_go_on(
         raise InputError(f"--device is {device!r}; it must be cpu or cuda")
     if (curriculum and (method != "reinforce" or rules or start)) or (stage and not curriculum):
         raise InputError("--curriculum is for the method reinforce, says rules and start itself, and alone has a --stage")
-    if not os.environ.keys() >= _ALLOCATOR.keys():
+    if not os.environ.keys() >= KEEP.keys():
         # The allocator reads its settings once, at the start of a process.
-        os.environ |= _ALLOCATOR | {name: os.environ[name] for name in _ALLOCATOR if name in os.environ}
+        os.environ |= KEEP | {name: os.environ[name] for name in KEEP if name in os.environ}
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
     from policies.learned import hold_threads
     from policies.training.budget import Budget

@@ -53,7 +53,7 @@ from policies.training.parallel import Processes
 from policies.training.reinforce_settings import ReinforceSettings
 from policies.training.replay import Replay, Samples
 
-_CPU_CHUNK = 4 * CHUNK
+_CPU_CHUNK = 8 * CHUNK
 """Samples in one pass of back-propagation on a CPU: more would no longer fit its caches."""
 
 
@@ -97,7 +97,7 @@ class Reinforcer:
         self.settings, self.processes, self.device = settings, processes, torch.device(device)
         self.parameters = list(network.parameters())
         make = torch.optim.Adam if settings.optimiser == "adam" else torch.optim.SGD
-        self.optimiser: torch.optim.Optimizer = make(self.parameters, lr=settings.rate)
+        self.optimiser: torch.optim.Optimizer = make(self.parameters, lr=settings.rate, fused=True)
         _, capacity = processes.share(settings.buffer)
         self.replay = Replay(max(capacity, 1))
         self.is_bf16 = settings.bf16 and (self.device.type == "cuda" or has_fast_bf16())
