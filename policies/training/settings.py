@@ -113,7 +113,10 @@ def read_values(kind: type[Kind], values: Mapping[str, Any]) -> Kind:
 def _merged(old: Settings, new: dict[str, Any]) -> dict[str, Any]:
     """Return new values; shares of opponents and rulesets that are not named stay."""
     for name in ("opponents", "also"):
-        if isinstance(new.get(name), dict):
-            shares = {**getattr(old, name), **new[name]}
-            new[name] = {one: float(share) for one, share in shares.items() if share > 0}
+        if name in new:
+            mine = new[name]
+            if not isinstance(mine, dict) or not all(type(share) in (int, float) for share in mine.values()):
+                raise InputError(f"the setting {name} is {mine!r}; it takes shares by name, as in {name}.NAME=0.1")
+            shares = {**getattr(old, name), **mine}
+            new[name] = {one: float(share) for one, share in shares.items() if share}
     return new

@@ -294,9 +294,12 @@ def test_a_start_of_another_ruleset_or_shape_is_refused(tmp_path: Path) -> None:
 
 def test_settings_name_what_is_wrong() -> None:
     assert Settings().with_(["also.exp1=0.25", "also.exp2=0.25"]).shares() == {"paper": 0.5, "exp1": 0.25, "exp2": 0.25}
-    for also in ("also.exp1=1", "also.paper=0.1"):
+    for also in ("also.exp1=1", "also.paper=0.1", "also.exp1=-0.1"):
         with pytest.raises(InputError, match="other rulesets"):
             Settings().with_([also])
+    for shares in ("also=0.1", "opponents=1", 'opponents.rush="high"'):
+        with pytest.raises(InputError, match="shares by name"):
+            Settings().with_([shares])
     assert Settings().with_(["games=64", "opponents.rush=0.5", "opponents.roomba=0"]).opponents["rush"] == 0.5
     assert "roomba" not in Settings().with_(["opponents.roomba=0"]).opponents
     with pytest.raises(UnknownNameError, match="gamma"):
