@@ -90,6 +90,7 @@ class Run:
         for ruleset in self._rulesets.values():
             if ruleset.side % 2 or not ruleset.team(Team.BLUE):
                 raise InputError(f"ruleset {ruleset.name}: blue has no units to train")
+        self._teachers = _teachers(start, settings)
         torch.manual_seed(settings.seed)
         network = TeamNetwork(TeamShape(channels=settings.channels, blocks=settings.blocks))
         if start and not start.startswith(CLONE):
@@ -109,8 +110,8 @@ class Run:
         self._generator = torch.Generator().manual_seed(self.settings.seed + self.processes.rank + 977 * self.counts.sittings)
         self._rng = np.random.default_rng([self.settings.seed, self.processes.rank, self.counts.sittings])
         self._record = Record(self.folder, self.processes, self._tell)
-        if self.start.startswith(CLONE) and self.counts.cloned < self.settings.clone_samples:
-            self._clone(self.start.removeprefix(CLONE), should_stop)
+        if self._teachers and self.counts.cloned < self.settings.clone_samples:
+            self._clone(should_stop)
         self._meet_selves()
         while not self._agree(should_stop()) and self.progress < 1:
             self._improve()
@@ -161,8 +162,8 @@ class Run:
         if self.processes.is_first:
             self.folder.cut_metrics(self.counts.step)
 
-    def _clone(self, name: str, should_stop: Callable[[], bool]) -> None:
-        teachers = {rules: Teacher(name, player) for rules, player in self._players.items()}
+    def _clone(self, should_stop: Callable[[], bool]) -> None:
+        teachers = {rules: Teacher(self._teachers[rules], player) for rules, player in self._players.items()}
         while self.counts.cloned < self.settings.clone_samples:
             if self._agree(should_stop()) or self.progress >= 1:
                 return
@@ -254,6 +255,16 @@ class Run:
     def _agree(self, mine: bool) -> bool:
         """Return what the first process thinks, so that all stop, or save, together."""
         return self.processes.share_first(mine)
+
+
+def _teachers(start: str, settings: Settings) -> dict[str, str]:
+    """Return who is cloned under each ruleset; nobody, where the run begins without cloning."""
+    rulesets, named = settings.shares(), settings.teachers
+    if start.startswith(CLONE):
+        return {**dict.fromkeys(rulesets, start.removeprefix(CLONE)), **named}
+    if named and (missing := [rules for rules in rulesets if rules not in named]):
+        raise InputError(f"the setting teachers names nobody for {', '.join(missing)}; who is to be cloned there?")
+    return named
 
 
 def _read_start(path: Path, ruleset: Ruleset, fresh: TeamNetwork) -> TeamNetwork:

@@ -44,6 +44,9 @@ class Settings:
     """Rollouts in which only the critic learns."""
     clone_samples: int = 400_000
     """Samples of cloning, where the run starts from a script."""
+    teachers: dict[str, str] = field(default_factory=dict)
+    """Who is cloned under each ruleset, where it is not the fighter of `--start clone:`; a run that starts from a checkpoint
+    begins by cloning, too, if there are teachers."""
     clone_rate: float = 1.5e-3
     clone_minibatch: int = 256
     opponents: dict[str, float] = field(
@@ -71,6 +74,10 @@ class Settings:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least {least}")
         if not self.opponents or min(self.opponents.values()) < 0 or sum(self.opponents.values()) <= 0:
             raise InputError("the setting opponents must give each a share, and one of them more than 0")
+        if strangers := set(self.teachers) - set(self.shares()):
+            raise InputError(
+                f"the setting teachers names {', '.join(sorted(strangers))}; the run's rulesets are {', '.join(self.shares())}"
+            )
         if min(self.also.values(), default=0.0) < 0 or sum(self.also.values()) >= 1 or self.rules in self.also:
             raise InputError(f"the setting also must give other rulesets than {self.rules} shares of less than 1 in all")
 
@@ -119,4 +126,11 @@ def _merged(old: Settings, new: dict[str, Any]) -> dict[str, Any]:
                 raise InputError(f"the setting {name} is {mine!r}; it takes shares by name, as in {name}.NAME=0.1")
             shares = {**getattr(old, name), **mine}
             new[name] = {one: float(share) for one, share in shares.items() if share}
+    if "teachers" in new:
+        mine = new["teachers"]
+        if not isinstance(mine, dict) or not all(isinstance(fighter, str) for fighter in mine.values()):
+            raise InputError(
+                f"the setting teachers is {mine!r}; it takes fighters by ruleset, as in 'teachers.NAME=\"role_team\"'"
+            )
+        new["teachers"] = {**old.teachers, **mine}
     return new

@@ -254,6 +254,23 @@ def test_other_rulesets_get_their_share_of_lessons_and_rollouts(tmp_path: Path) 
     assert "score_exp1" in rows[0]
 
 
+def test_a_checkpoint_is_taught_by_another_teacher_under_each_ruleset(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "run")
+    folder.create({})
+    start_run(folder, Budget(samples=100))
+    file = str(folder.path / LAST)
+    settings = replace(SETTINGS, also={"exp1": 0.5}, teachers={"paper": file, "exp1": "rush"})
+    taught = RunFolder(tmp_path / "taught")
+    taught.create({})
+    run = Run(taught, settings, file, Budget(samples=60), Processes(), lambda *_: None)
+    run.train(lambda: False)
+
+    assert {row["stage"] for row in rows_of(taught.path)} == {"clone"}
+    assert {row["rules"] for row in rows_of(taught.path)} == {"paper", "exp1"}
+    with pytest.raises(InputError, match="nobody for exp1"):
+        Run(RunFolder(tmp_path / "x"), replace(settings, teachers={"paper": file}), file, Budget(samples=1), Processes(), print)
+
+
 def test_where_red_has_no_units_the_learner_meets_nobody() -> None:
     torch.manual_seed(0)
     exp1 = load_rules("exp1").with_({"tick_limit": 12})
@@ -297,6 +314,10 @@ def test_settings_name_what_is_wrong() -> None:
     for also in ("also.exp1=1", "also.paper=0.1", "also.exp1=-0.1"):
         with pytest.raises(InputError, match="other rulesets"):
             Settings().with_([also])
+    with pytest.raises(InputError, match="teachers names exp3; the run's rulesets are paper"):
+        Settings().with_(["teachers.exp3='rush'"])
+    with pytest.raises(InputError, match="fighters by ruleset"):
+        Settings().with_(["teachers='rush'"])
     for shares in ("also=0.1", "opponents=1", 'opponents.rush="high"'):
         with pytest.raises(InputError, match="shares by name"):
             Settings().with_([shares])
