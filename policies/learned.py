@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from arena.game.ruleset import Ruleset
-from arena.game.types import Team
+from arena.game.types import Action, Team
 from arena.jit import jit
-from arena.observation import Observations
+from arena.observation import Observations, find_legal_actions
 from arena.policy import BatchPolicy, Orders
 from policies.chance import draw
 from policies.checkpoint import Checkpoint, load_checkpoint
@@ -123,10 +123,10 @@ class LearnedUnits(BatchPolicy):
 
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, network: PaperTeam) -> None:
         super().__init__(ruleset, team, n_seats)
-        flies = np.array([unit.flies for unit in ruleset.team(team)], np.uint8)
-        self._views = FirstPerson(team, ruleset.side, flies, n_seats, network.window)
-        self._actions = np.zeros((n_seats, len(flies)), np.int8)
-        self._unit = torch.arange(len(flies)).repeat(n_seats)
+        self._flies = np.array([unit.flies for unit in ruleset.team(team)], np.uint8)
+        self._views = FirstPerson(team, ruleset.side, self._flies, n_seats, network.window)
+        self._actions = np.zeros((n_seats, len(self._flies)), np.int8)
+        self._unit = torch.arange(len(self._flies)).repeat(n_seats)
         self.use(network)
 
     def use(self, network: PaperTeam) -> None:
@@ -135,14 +135,16 @@ class LearnedUnits(BatchPolicy):
         self._fast = as_bf16(network) if has_fast_bf16() and self.n_seats >= _SMALLEST_BF16 else self._network
 
     def act(self, observations: Observations, orders: Orders) -> None:
-        """Cut the views, and draw from what the network gives."""
-        if not orders.shape[1]:
+        """Cut the views, and draw from what the network gives; a step that it cannot take is staying."""
+        if not orders.size:
             return
         views = torch.from_numpy(self._views.cut(observations)).flatten(0, 1)
         logits = infer_units(self._fast, views, self._unit)
         choose(logits.reshape(*self._actions.shape, -1), np.ascontiguousarray(observations.seed), self._actions)
         is_turned = self._views.is_turned[:, None].astype(np.bool_)
-        orders[:] = np.where(is_turned, mirror(self._actions), self._actions)
+        drawn = np.where(is_turned, mirror(self._actions), self._actions)
+        legal = find_legal_actions(observations.ground, observations.side, observations.cell, observations.alive, self._flies)
+        orders[:] = np.where(np.take_along_axis(legal, drawn[..., None].astype(np.int64), 2)[..., 0], drawn, Action.STAY)
 
 
 def infer_units(network: PaperTeam, views: Tensor, unit: Tensor) -> NDArray[np.float32]:
