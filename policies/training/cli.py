@@ -13,7 +13,6 @@ import typer
 
 from arena.console import AsJson, complete_ruleset, print_json, print_table
 from arena.errors import InputError
-from policies.training.allocator import KEEP
 
 if TYPE_CHECKING:
     from policies.training.methods import Order
@@ -63,6 +62,8 @@ def start_or_go_on(
         raise InputError(f"--device is {device!r}; it must be cpu or cuda")
     if (curriculum and (method != "reinforce" or rules or start)) or (stage and not curriculum):
         raise InputError("--curriculum is for the method reinforce, says rules and start itself, and alone has a --stage")
+    from policies.training.allocator import KEEP
+
     if not os.environ.keys() >= KEEP.keys():
         # The allocator reads its settings once, at the start of a process.
         os.environ |= KEEP | {name: os.environ[name] for name in KEEP if name in os.environ}

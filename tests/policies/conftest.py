@@ -12,10 +12,10 @@ from arena.cli import main
 from arena.game.ruleset import Ruleset
 from arena.game.types import FLAGS, HALVES, STEPS, Code, Team
 from arena.observation import NO_CLOCK_MS, Observations
+from policies.training.allocator import KEEP
 
 PADDING = 3
 """Cells past the board that mean nothing, as `Observations` allows."""
-ALLOCATOR = ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_")
 
 
 class PretendedMatch:
@@ -115,8 +115,8 @@ def seen_in() -> Callable[[Sequence[PretendedMatch]], Observations]:
 def train(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
     """Run `arena train` in this process, which spares what a process of its own costs to start."""
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for name in ALLOCATOR:
-        monkeypatch.setenv(name, "1073741824")  # without these, the command would start this process anew
+    for name, value in KEEP.items():
+        monkeypatch.setenv(name, value)  # without these, the command would start this process anew
 
     def run(*arguments: object) -> None:
         monkeypatch.setattr(sys, "argv", ["arena", "train", *map(str, arguments)])

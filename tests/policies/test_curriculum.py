@@ -25,7 +25,8 @@ def leave(run: Path, rules: str, progress: float) -> Path:
     ruleset = load_rules(rules)
     run.mkdir(parents=True)
     manifest = Manifest(
-        network="paper", shape={"window": 7, "agents": 1}, features=FEATURES_VERSION, ruleset=rules, ruleset_hash=ruleset.hash,
+        network="paper", shape={"window": 7, "agents": 1, "planes": 1}, features=FEATURES_VERSION, ruleset=rules,
+        ruleset_hash=ruleset.hash,
         training={PROGRESS: progress},
     )  # fmt: skip
     save_checkpoint(run / LAST, PaperTeam(7).state_dict(), manifest)

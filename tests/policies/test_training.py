@@ -19,6 +19,7 @@ from arena.game.state import Fact
 from arena.game.types import Team
 from policies.checkpoint import load_checkpoint
 from policies.networks import Critic, TeamNetwork, TeamShape
+from policies.training.allocator import KEEP
 from policies.training.budget import Budget
 from policies.training.clone import Teacher, attend, study
 from policies.training.folder import LAST, METRICS, START, STATE, RunFolder
@@ -368,8 +369,7 @@ def test_two_processes_have_the_gradient_of_one_and_train_one_network(tmp_path: 
         "--set", "blocks=1", "--set", "clone_samples=60", "--set", "critic_warmup=1",
         *(f"--set=opponents.{name}=0" for name in ("role_team", "roomba", "fighter")),
     ]  # fmt: skip
-    allocator = dict.fromkeys(("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"), "1073741824")  # else `train` starts anew
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", **allocator}
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", **KEEP}  # without these variables `train` starts anew
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, env=environment)
 
     assert done.returncode == 0, done.stderr
