@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from arena.game.types import FLAGS, HALVES, UAVS, UGVS, Code, Team
 from arena.jit import jit
 from arena.observation import Observations
+from policies.features import mirror
 from policies.memory import sight_of
 
 WINDOW = 20
@@ -52,6 +53,10 @@ class FirstPerson:
         """
         _cut(sight_of(observations), self._flies, self._recoded, self._board, self.is_turned, self._views)
         return self._views
+
+    def to_board(self, actions: NDArray[np.int8]) -> NDArray[np.int8]:
+        """Return actions of the units' frame, shape (n_seats, units), as orders on the board, as of the last `cut`."""
+        return np.where(self.is_turned[:, None].astype(np.bool_), mirror(actions), actions)
 
 
 @jit(inline=True)

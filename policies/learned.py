@@ -5,12 +5,12 @@ from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team
@@ -19,15 +19,14 @@ from arena.observation import Observations, find_legal_actions
 from arena.policy import BatchPolicy, Orders
 from policies.chance import draw
 from policies.checkpoint import Checkpoint, load_checkpoint
-from policies.features import Encoded, Encoder, mirror
+from policies.features import Encoded, Encoder
 from policies.first_person import FirstPerson
-from policies.networks import PaperTeam, TeamNetwork
+from policies.networks import Net, PaperTeam, TeamNetwork, channels_last
 
 CHUNK = 128
 """Seats in one pass: as many as keep what lies between the layers in the cores' own memory."""
 _SMALLEST_BF16 = 16
 """Seats from which on bf16 pays for its conversions."""
-Net = TypeVar("Net", bound=nn.Module)
 
 
 def hold_threads() -> None:
@@ -44,7 +43,7 @@ def has_fast_bf16() -> bool:
 
 def as_bf16(network: Net) -> Net:
     """Return a copy that computes in bf16, its convolutions laid out with the channels last."""
-    return deepcopy(network).to(torch.bfloat16).to(memory_format=torch.channels_last)  # type: ignore[call-overload,no-any-return]
+    return channels_last(deepcopy(network).to(torch.bfloat16))
 
 
 @jit()
@@ -93,7 +92,7 @@ class LearnedTeam(BatchPolicy):
 
     def use(self, network: TeamNetwork) -> None:
         """Play with another network from now on."""
-        self._network = network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._network = channels_last(network.eval())
         self._fast = as_bf16(network) if has_fast_bf16() and self.n_seats >= _SMALLEST_BF16 else self._network
 
     def start(self, seats: NDArray[np.intp]) -> None:
@@ -131,7 +130,7 @@ class LearnedUnits(BatchPolicy):
 
     def use(self, network: PaperTeam) -> None:
         """Play with another network from now on."""
-        self._network = network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._network = channels_last(network.eval())
         self._fast = as_bf16(network) if has_fast_bf16() and self.n_seats >= _SMALLEST_BF16 else self._network
 
     def act(self, observations: Observations, orders: Orders) -> None:
@@ -141,8 +140,7 @@ class LearnedUnits(BatchPolicy):
         views = torch.from_numpy(self._views.cut(observations)).flatten(0, 1)
         logits = infer_units(self._fast, views, self._unit)
         choose(logits.reshape(*self._actions.shape, -1), np.ascontiguousarray(observations.seed), self._actions)
-        is_turned = self._views.is_turned[:, None].astype(np.bool_)
-        drawn = np.where(is_turned, mirror(self._actions), self._actions)
+        drawn = self._views.to_board(self._actions)
         legal = find_legal_actions(observations.ground, observations.side, observations.cell, observations.alive, self._flies)
         orders[:] = np.where(np.take_along_axis(legal, drawn[..., None].astype(np.int64), 2)[..., 0], drawn, Action.STAY)
 

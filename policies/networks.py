@@ -5,7 +5,7 @@ Both take any number of units. `TeamNetwork` takes any board whose side is even;
 """
 
 from dataclasses import dataclass
-from typing import cast
+from typing import TypeVar, cast
 
 import torch
 from torch import Tensor, nn
@@ -19,6 +19,15 @@ N_TRUTH_PLANES = 5
 _INDEX_LETTERS = 8
 _NEVER = -1e4
 """Logit of what cannot be done; finite, so that a product with zero stays zero."""
+
+
+Net = TypeVar("Net", bound=nn.Module)
+
+
+def channels_last(network: Net) -> Net:
+    """Return the network itself, its convolutions laid out with the channels last, as the processor takes them."""
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs do not know this call
+    return network
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

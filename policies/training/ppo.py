@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from policies.learned import CHUNK
-from policies.networks import Critic, TeamNetwork
+from policies.networks import Critic, TeamNetwork, channels_last
 from policies.training.gradients import bound_gradients
 from policies.training.parallel import Processes
 from policies.training.rollout import Experience
@@ -85,8 +85,8 @@ class Learner:
     """The network, its critic and its optimiser."""
 
     def __init__(self, network: TeamNetwork, critic: Critic, settings: Settings, processes: Processes) -> None:
-        self.network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.critic = critic.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network = channels_last(network)
+        self.critic = channels_last(critic)
         self.settings, self.processes = settings, processes
         self.scale = ValueScale()
         self.average = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}

@@ -47,7 +47,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from policies.learned import CHUNK, has_fast_bf16
-from policies.networks import PaperTeam
+from policies.networks import PaperTeam, channels_last
 from policies.training.gradients import bound_gradients
 from policies.training.parallel import Processes
 from policies.training.reinforce_settings import ReinforceSettings
@@ -93,7 +93,7 @@ class Reinforcer:
     """The policy, its replay and its optimiser."""
 
     def __init__(self, network: PaperTeam, settings: ReinforceSettings, processes: Processes, device: str = "cpu") -> None:
-        self.network = network.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network = channels_last(network.to(device))
         self.settings, self.processes, self.device = settings, processes, torch.device(device)
         self.parameters = list(network.parameters())
         make = torch.optim.Adam if settings.optimiser == "adam" else torch.optim.SGD

@@ -13,7 +13,6 @@ from arena.envs.batched import BatchedEnv
 from arena.game.types import Code, Ending, Team
 from arena.observation import Observations
 from arena.policy import BatchPolicy
-from policies.features import mirror
 from policies.first_person import FirstPerson
 from policies.learned import choose, infer_units
 from policies.networks import N_ACTIONS, PaperTeam
@@ -57,8 +56,7 @@ class _Side:
         """Write the orders of all units; return the actions of those that were looked at, in their frame, shape (n,)."""
         self._logits[self.row, self.unit] = logits
         choose(self._logits, np.ascontiguousarray(seen.seed), self._actions)
-        is_turned = self._views.is_turned[:, None].astype(np.bool_)
-        orders[:] = np.where(is_turned, mirror(self._actions), self._actions)
+        orders[:] = self._views.to_board(self._actions)
         return self._actions[self.row, self.unit].astype(np.int64)
 
 

@@ -43,9 +43,9 @@ def test_the_papers_network_has_the_sizes_of_table_5() -> None:
 
 def test_a_plane_for_each_code_shows_what_the_raw_codes_show() -> None:
     made = PaperNetwork(planes=len(Code))
+    for parameter in made.parameters():
+        torch.nn.init.zeros_(parameter)
     with torch.no_grad():
-        made.first.weight.zero_()
-        torch.nn.init.zeros_(made.first.bias)  # type: ignore[arg-type]
         made.first.weight[0, Code.RED_FLAG + 1] = 1.0  # sees a flag, and nothing else
     views = torch.full((2, 20, 20), int(Code.OBSTACLE), dtype=torch.int8)
     views[1, 4, 9] = Code.RED_FLAG
