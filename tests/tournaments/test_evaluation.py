@@ -90,3 +90,10 @@ def test_alone_is_a_table_and_json_too() -> None:
     assert "4 matches alone, rules exp1" in table
     assert facts["alone"]["captures"] == 4
     assert facts["alone"]["detour"] == facts["alone"]["ticks"] / facts["alone"]["shortest"]
+
+
+@pytest.mark.parametrize("change", ["units.ugv.blue=0", "units.ugv.step=0"])
+def test_alone_needs_somebody_who_walks(change: str) -> None:
+    done = CliRunner().invoke(app, ["evaluate", "rush", "--rules", "exp1", "--pairs", "2", "--set", change])
+
+    assert "nobody could take the flag" in str(done.exception)

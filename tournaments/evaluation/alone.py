@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from arena.errors import InputError
 from arena.game.keys import secret_from_seed
 from arena.game.ruleset import Ruleset
 from arena.game.state import Fact
@@ -43,7 +44,15 @@ class Alone:
 def play_alone(
     ruleset: Ruleset, fighter: str, *, matches: int, seed: int, advance: Callable[[int], None], workers: int | None
 ) -> Alone:
-    """Play some matches on maps that no training used; `advance` is told how many more were played."""
+    """Play some matches on maps that no training used; `advance` is told how many more were played.
+
+    Raises
+    ------
+    InputError
+        Blue has nobody who could walk to the flag.
+    """
+    if not any(unit.step and not unit.flies for unit in ruleset.team(Team.BLUE)):
+        raise InputError(f"ruleset {ruleset.name}: blue has no unit that walks, so that nobody could take the flag")
     plans = plan_fixture("evaluation", CANDIDATE, CANDIDATE, matches, secret_from_seed(seed))[::2]
     captures = ticks = 0
     for record in play(ruleset, plans, partial(load_entry, {CANDIDATE: fighter}), n_workers=workers):
@@ -59,7 +68,7 @@ def shortest_ways(ruleset: Ruleset, plans: list[MatchPlan]) -> list[int]:
     """Return, for each match, the ticks of the shortest way to the flag from the nearest of blue's units on foot."""
     games, n_cells = Games(ruleset, len(plans)), ruleset.side**2
     games.start(range(len(plans)), [plan.keys for plan in plans])
-    walkers = {index: unit.step for index, unit in enumerate(ruleset.team(Team.BLUE)) if not unit.flies}
+    walkers = {index: unit.step for index, unit in enumerate(ruleset.team(Team.BLUE)) if unit.step and not unit.flies}
     far, queue = np.zeros((len(plans), n_cells), np.int16), np.zeros(n_cells, np.int16)
     nearest = []
     for game, fact in enumerate(games.state.fact):
