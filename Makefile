@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constr
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help setup tournament test test-full check format bench clean
+.PHONY: help setup tournament test test-full check format layout bench clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -42,6 +42,9 @@ test-full: check ## the same with the sizes that a claim needs
 format: $(READY) ## let ruff rewrite the sources
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+layout: $(READY) ## write docs/layout.md anew
+	$(BIN)/python docs/make_layout.py
 
 bench: $(READY) ## run every benchmark
 	$(BIN)/arena bench --all

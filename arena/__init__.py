@@ -7,12 +7,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from arena.game.observation import EnemyUnit as EnemyUnit
+    from arena.game.observation import Observation as Observation
+    from arena.game.observation import OwnUnit as OwnUnit
     from arena.game.types import Action as Action
     from arena.game.types import Code as Code
     from arena.game.types import Team as Team
-    from arena.observation import EnemyUnit as EnemyUnit
-    from arena.observation import Observation as Observation
-    from arena.observation import OwnUnit as OwnUnit
     from arena.policy import MatchInfo as MatchInfo
     from arena.policy import MatchResult as MatchResult
 
@@ -20,9 +20,9 @@ _HOMES = {
     "Action": "arena.game.types",
     "Code": "arena.game.types",
     "Team": "arena.game.types",
-    "EnemyUnit": "arena.observation",
-    "Observation": "arena.observation",
-    "OwnUnit": "arena.observation",
+    "EnemyUnit": "arena.game.observation",
+    "Observation": "arena.game.observation",
+    "OwnUnit": "arena.game.observation",
     "MatchInfo": "arena.policy",
     "MatchResult": "arena.policy",
 }

@@ -15,9 +15,9 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.observation import Observation, Observations
 from arena.game.ruleset import Ruleset
-from arena.game.types import Ending, Team
-from arena.observation import Observation, Observations
+from arena.game.types import Team, Termination
 
 Orders = NDArray[np.int8]
 """int8, shape (seats, units): one `Action` per unit."""
@@ -35,7 +35,7 @@ class MatchInfo:
 class MatchResult:
     """What a policy is told after the last tick."""
 
-    ending: Ending
+    ending: Termination
     winner: Team | None
     score: int
     """The own score, in -100 .. 100."""

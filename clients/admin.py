@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from arena.address import Address
 from arena.errors import KeyFileError, RefusedError
+from arena.network.address import Address
+from arena.network.session import open_client
 from arena.protocol import topics
 from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity, to_text
 from arena.protocol.messages import AdminRequest, Done, Refusal
-from arena.transport import open_client
 from clients.lobby import ask, ask_challenge
 
 

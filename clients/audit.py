@@ -8,12 +8,12 @@ from dataclasses import replace
 from functools import partial
 
 from arena.errors import JournalError, ProtocolError
+from arena.network.session import Session
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
-from arena.protocol.facts import check_journal, commit
 from arena.protocol.messages import JournalPiece, JournalRequest, Refusal, Wait
+from arena.protocol.signed import check_journal, commit
 from arena.records.journal import match_id, read_journal
-from arena.transport import Session
 from clients.seat import Seat
 
 _ANSWER_S = 4.0

@@ -15,9 +15,9 @@ from policies.cli import complete_policy
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from arena.address import Address
+    from arena.network.address import Address
     from clients.audit import Verdict
-    from clients.desk import Desk
+    from clients.human.turn_mailbox import Desk
     from clients.seat import Seat
     from clients.settings import Settings
     from clients.spectator import Frame
@@ -52,11 +52,11 @@ def join(
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where transcripts live; your data folder without it.")] = None,
 ) -> None:
     """Play matches in a pit, and print how each ended."""
-    from arena.address import parse_address
     from arena.folders import data_folder
     from arena.game.ruleset import load as load_rules
     from arena.keyring.files import load, load_or_make
     from arena.keyring.ring import entry_key_path
+    from arena.network.address import parse_address
     from arena.protocol.topics import check_chunk
     from clients.runner import Runner
     from clients.settings import Settings
@@ -113,7 +113,7 @@ def _sit_at_desk(autopilot: str, slots: int) -> "Desk":
     import os
     import sys
 
-    from clients.desk import Desk
+    from clients.human.turn_mailbox import Desk
     from policies.registry import load
 
     if not (sys.stdin.isatty() and sys.stdout.isatty()) or os.environ.get("TERM") == "dumb":
@@ -226,9 +226,9 @@ def watch(
     from rich.console import Console
     from rich.live import Live
 
-    from arena.address import parse_address
+    from arena.display.text import is_live
     from arena.keyring.files import load_secret
-    from arena.view import is_live
+    from arena.network.address import parse_address
     from clients.spectator import Frame, watch
 
     address = parse_address(pit)
@@ -258,7 +258,7 @@ def _draw(match: str, names: tuple[str, str], frame: "Frame", width: int, height
     """Return what one tick looks like."""
     from rich.text import Text
 
-    from arena.view import draw_row
+    from arena.display.text import draw_row
 
     blue, red = frame.living or ("?", "?")
     title = (
@@ -326,9 +326,9 @@ def release_name(
 
 
 def _tell(command: str, target: str, pit: str, data: Path | None, authority: Path | None) -> None:
-    from arena.address import Address, parse_address
     from arena.folders import data_folder
     from arena.keyring.files import load
+    from arena.network.address import Address, parse_address
     from clients import admin as operator
 
     address = parse_address(pit) if pit else Address()

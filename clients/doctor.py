@@ -5,10 +5,10 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 
-from arena.address import parse_address
 from arena.errors import ArenaError
+from arena.network.address import parse_address
+from arena.network.session import open_client
 from arena.protocol.identity import to_text
-from arena.transport import open_client
 from clients.lobby import ask_challenge, ask_lobby
 
 Finding = tuple[str, bool, str]
@@ -31,7 +31,7 @@ def _look_at_versions() -> Finding:
 def _look_at_kernels() -> Finding:
     """Load, or compile, what every match needs."""
     begin_s = time.monotonic()
-    from clients.warm import warm
+    from clients.precompile import warm
     from policies.registry import load
 
     warm(load("rush"))

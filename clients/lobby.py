@@ -4,14 +4,14 @@ import queue
 import time
 from contextlib import suppress
 
-from arena.address import Address
 from arena.errors import LostPitError, UnreadableError
+from arena.network.address import Address
+from arena.network.session import Session
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
-from arena.protocol.facts import read_fact
 from arena.protocol.handshake import check_challenge
 from arena.protocol.messages import Challenge, Hello, Lobby, Signed
-from arena.transport import Session
+from arena.protocol.signed import read_statement
 
 _ANSWER_S = 5.0
 _AGAIN_S = 0.25
@@ -43,7 +43,7 @@ def ask_challenge(session: Session, address: Address) -> Challenge:
 def ask_lobby(session: Session, address: Address, pit_key: bytes) -> Lobby:
     """Return the public facts of the pit with this key; `ProtocolError` if another signed them."""
     message = decode(ask(session, address, topics.lobby(address.pit), b""))
-    fact = read_fact(message, pit_key) if isinstance(message, Signed) else None
+    fact = read_statement(message, pit_key) if isinstance(message, Signed) else None
     if not isinstance(fact, Lobby):
         raise UnreadableError("the pit answers with something else than its lobby")
     return fact

@@ -15,17 +15,17 @@ from typing import Any
 
 from arena.errors import LostPitError, ProtocolError, RefusedError, UnreadableError, VersionError
 from arena.game.types import RULES_VERSION
+from arena.network.session import Sample, Session, is_beat, open_client, read_payload
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Attempt, check_challenge
 from arena.protocol.messages import Challenge, Closed, Commitment, Hello, JoinRequest, Refusal, Signed, Ticket, Wait
 from arena.records.transcript import TranscriptHeader, TranscriptWriter, transcript_name
-from arena.transport import Sample, Session, is_beat, open_client, read_payload
 from clients.audit import Verdict, fetch
+from clients.precompile import warm
 from clients.seat import Seat
 from clients.settings import Settings
 from clients.slot import ANSWER_S, Slot
-from clients.warm import warm
 
 logger = logging.getLogger(__name__)
 

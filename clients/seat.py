@@ -10,10 +10,10 @@ import numpy as np
 
 from arena.errors import UnreadableError
 from arena.game.ruleset import Ruleset, from_dict
-from arena.game.types import Ending, Team
+from arena.game.types import Team, Termination
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn
-from arena.protocol.sight import Reader
+from arena.protocol.observation_codec import Reader
 from arena.protocol.topics import is_chunk
 from arena.records.transcript import Head, TranscriptWriter
 
@@ -106,7 +106,7 @@ class Seat:
     def _read_result(self, ended: Ended) -> MatchResult:
         try:
             return MatchResult(
-                ending=Ending[ended.ending.upper()],
+                ending=Termination[ended.ending.upper()],
                 winner=None if ended.winner is None else Team[ended.winner.upper()],
                 score=ended.score if self.team is Team.BLUE else -ended.score,
                 ticks=ended.ticks,

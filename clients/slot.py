@@ -4,13 +4,13 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 
 from arena.errors import ForgedError, ProtocolError, RefusedError
+from arena.network.session import Collector, Put
 from arena.protocol.codec import decode, encode
-from arena.protocol.facts import read_fact, sign_receipt
 from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Ended, Message, Orders, Signed, Ticket
 from arena.protocol.sealing import Opener, Sealer
-from arena.transport import Collector, Put
+from arena.protocol.signed import read_statement, sign_receipt
 from clients.seat import Seat, Thinking
 
 ANSWER_S = 8.0
@@ -111,7 +111,7 @@ class Slot:
 
     def accept(self, signed: Signed) -> None:
         """Take how the match ended, and give a receipt; `ProtocolError` if the pit did not sign it, or it is of another match."""
-        fact = read_fact(signed, self._pit_key)
+        fact = read_statement(signed, self._pit_key)
         if self.seat is None or not isinstance(fact, Ended) or fact.match != self.seat.ticket.match:
             raise ForgedError("the ending is of another match")
         self.seat.receive(fact)
@@ -135,7 +135,7 @@ class Slot:
 def _read_commitment(ticket: Ticket, pit_key: bytes) -> Commitment:
     with suppress(ProtocolError):
         signed = decode(ticket.commitment)
-        fact = read_fact(signed, pit_key) if isinstance(signed, Signed) else None
+        fact = read_statement(signed, pit_key) if isinstance(signed, Signed) else None
         if isinstance(fact, Commitment) and fact.match == ticket.match:
             return fact
     raise RefusedError(f"the ticket lacks the pit's commitment to match {ticket.match}")

@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.address import Address
 from arena.errors import ForgedError, InputError, LostPitError, ProtocolError, UnreadableError
+from arena.game.observation import OwnUnit
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
-from arena.observation import OwnUnit
+from arena.network.address import Address
+from arena.network.session import Sample, Session, open_client, read_key, read_payload
 from arena.protocol import topics
 from arena.protocol.codec import decode
-from arena.protocol.facts import read_fact
-from arena.protocol.messages import Ended, Facts, Lobby, Signed, Truth
+from arena.protocol.messages import Ended, Lobby, PublicState, Signed, Truth
+from arena.protocol.observation_codec import Reader
 from arena.protocol.sealing import Opener, truth_opener
-from arena.protocol.sight import Reader
-from arena.transport import Sample, Session, open_client, read_key, read_payload
+from arena.protocol.signed import read_statement
 from clients.lobby import ask_challenge, ask_lobby
 from clients.seat import read_rules
 
@@ -65,7 +65,7 @@ class Spectator:
     def hear_public(self, payload: bytes) -> Frame | None:
         """Take a public message; `ProtocolError` if the pit did not say it."""
         message = decode(payload)
-        if isinstance(message, Facts):
+        if isinstance(message, PublicState):
             if (
                 len(message.living) != len(Team)
                 or len(message.names) != len(Team)
@@ -74,7 +74,7 @@ class Spectator:
                 raise UnreadableError("the facts are not of two teams")
             blue, red = message.living
             return Frame(tick=message.tick, names=(message.names[0], message.names[1]), living=(blue, red), score=message.score)
-        fact = read_fact(message, self._pit_key) if isinstance(message, Signed) else None
+        fact = read_statement(message, self._pit_key) if isinstance(message, Signed) else None
         if isinstance(fact, Ended) and fact.match != self._match:
             raise ForgedError("the ending is of another match")
         return Frame(tick=fact.ticks, score=fact.score, ended=fact) if isinstance(fact, Ended) else None

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import arena.policy
+from arena.game.observation import Observation, Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team
-from arena.observation import Observation, Observations
 from arena.policy import Act, BatchPolicy, Faults, MatchInfo, MatchResult, Orders, read_actions
 
 MakeBot = Callable[[], Any]

@@ -5,7 +5,7 @@
     from it  [0, 1, 2, 3, 4, 0]                         one action for each of `units`, in their order
     to it    {"type": "end", "ending": "capture", "winner": "red", "score": 100, "ticks": 23, "reason": ""}
 
-Every field is named as in `arena.observation.Observation`. A program plays match after match, one at a time, until its stdin
+Every field is named as in `arena.game.observation.Observation`. A program plays match after match, one at a time, until its stdin
 closes. What it writes to stderr is shown. One that ends, or answers nonsense, leaves its units where they are; it is started
 anew for the next match.
 """
@@ -22,8 +22,8 @@ from functools import cache
 from typing import IO, Any
 
 from arena.errors import PolicyError
+from arena.game.observation import Observation
 from arena.game.ruleset import to_dict
-from arena.observation import Observation
 from arena.policy import MatchInfo, MatchResult
 from policies.each_seat import MakeBot
 

@@ -62,7 +62,9 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
         fighter: type[BatchPolicy] = getattr(import_module(module), name)
         return fighter
     if spec.endswith(CHECKPOINT) or spec in shipped():
-        from policies.learned import load_learned  # torch takes a second to import: only who plays a network waits for it
+        from policies.networks.learned import (
+            load_learned,  # torch takes a second to import: only who plays a network waits for it
+        )
 
         return load_learned(Path(spec) if spec.endswith(CHECKPOINT) else shipped()[spec])
     if spec in _installed():

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator
 import pytest
 from hypothesis import HealthCheck, settings
 
-from arena.cli import main
-from policies.believing import BelievingPolicy
+from policies.heuristics.believing import BelievingPolicy
 from policies.registry import OWN, load
+from tournaments.cli import main
 
 SIZES = {"small": 40, "full": 1_000}
 SIZE = os.environ.get("ARENA_TEST_SIZE", "small")
@@ -30,9 +30,9 @@ COMPILE = """
 import sys
 from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load as load_rules
-from arena.games import warm as warm_games
-from arena.referee.local import play_batch
-from clients.warm import warm
+from arena.game.engine import warm as warm_games
+from arena.local.venue import play_batch
+from clients.precompile import warm
 from policies.registry import load
 from tournaments.fixture import plan_fixture
 for name in sys.argv[1:]:
@@ -66,7 +66,7 @@ def arena() -> Callable[..., subprocess.CompletedProcess[str]]:
     """Run the command line as a user does: `arena("rules", "paper")`."""
 
     def run(*arguments: object) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-c", "from arena.cli import main; main()", *map(str, arguments)]
+        command = [sys.executable, "-c", "from tournaments.cli import main; main()", *map(str, arguments)]
         return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
 
     return run

@@ -1,239 +1,42 @@
-"""The sub-commands of leagues: `arena tournament` and `arena leaderboard`."""
+"""The `arena` command: every sub-command that ships, composed where imports may point at all that it needs.
 
-from contextlib import nullcontext
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+The modules that are imported here import no more than `typer` and `arena.console` themselves, so that `arena --help` stays quick.
+"""
 
-import typer
+from arena.cli import Command, make_app, rules, run
+from arena.display.cli import replay
+from arena.keyring.cli import keys
+from clients.cli import admin, doctor, join, watch
+from policies.cli import policies
+from policies.training.cli import train
+from tournaments.commands.bench import bench
+from tournaments.commands.evaluate import evaluate
+from tournaments.commands.league import leaderboard, tournament
+from tournaments.commands.play import play
+from tournaments.commands.serve import serve
+from tournaments.commands.web import web
 
-from arena.console import AsJson, JsonProgress, print_json, print_table, progress_bar, stdout_to_stderr
-from arena.errors import UnknownNameError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from tournaments.league import League
-    from tournaments.outcome import Outcome
-    from tournaments.report import Report
-    from tournaments.scheduler import Scheduler
-
-FORMATS = ("text", "html", "md", "csv", "json")
-
-
-def complete_league(incomplete: str) -> list[str]:
-    """Return the shipped leagues, and the files, that begin like `incomplete`, for the shell."""
-    from tournaments.league_file import LEAGUES
-
-    return [name for name in (*LEAGUES, *map(str, sorted(Path().glob("*.toml")))) if name.startswith(incomplete)]
-
-
-LeagueName = Annotated[
-    str, typer.Argument(metavar="LEAGUE.toml|NAME", autocompletion=complete_league, help="A league's file, or one that ships.")
-]
-Data = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Where results, journals and reports live; your data folder without it.")
-]
-Db = Annotated[str, typer.Option(metavar="URL|FILE", help="The store of results; arena.db in the data folder without it.")]
-Format = Annotated[str, typer.Option("--format", metavar="|".join(FORMATS), help="What to print.")]
-Out = Annotated[Path | None, typer.Option(metavar="FILE", help="Write it into this file instead.")]
-
-tournament = typer.Typer(no_args_is_help=True, help="Run leagues: everyone meets everyone, and all are rated.")
+COMMANDS: dict[str, Command] = {
+    "admin": admin,
+    "bench": bench,
+    "doctor": doctor,
+    "evaluate": evaluate,
+    "join": join,
+    "keys": keys,
+    "leaderboard": leaderboard,
+    "play": play,
+    "policies": policies,
+    "replay": replay,
+    "rules": rules,
+    "serve": serve,
+    "tournament": tournament,
+    "train": train,
+    "watch": watch,
+    "web": web,
+}
+app = make_app(COMMANDS)
 
 
-@tournament.command("init")
-def write_league(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="The file to write; one that is there is left alone.")],
-) -> None:
-    """Write a league's file, with comments, to be edited."""
-    from tournaments.league_template import write_template
-
-    write_template(file)
-    typer.echo(f"wrote {file}; edit it, then: arena tournament run {file}")
-
-
-@tournament.command("run")
-def run_league(
-    league: LeagueName,
-    venue: Annotated[str, typer.Option(metavar="network|local|ray", help="Where to play; what the league says without it.")] = "",
-    data: Data = None,
-    db: Db = "",
-    form: Format = "text",
-    out: Out = None,
-    progress: Annotated[str, typer.Option(metavar="bar|json", help="How to tell on stderr how far it is.")] = "",
-    as_json: AsJson = False,
-) -> None:
-    """Play what is left of a league, and print the leaderboard. Stopped at any moment, it goes on from there.
-
-    With --progress json, which --json implies, each line on stderr is a JSON object: an "event" (begin, invitation, match,
-    stopped, end) and its facts; of a match how many are "played" "of" how many, at how many "per_s", and the seconds "left_s".
-    """
-    import signal
-
-    from arena.folders import data_folder
-    from tournaments.confine import NO_LIMITS
-    from tournaments.formats import render, save
-    from tournaments.league import VENUES
-    from tournaments.league_file import load_league
-    from tournaments.progress import is_over
-    from tournaments.rehearsal import rehearse
-    from tournaments.report import make_report
-    from tournaments.scheduler import Folders, Scheduler
-    from tournaments.store import Store
-
-    chosen = load_league(league)
-    venue, form = _one_of("--venue", venue or chosen.venue, VENUES), _one_of("--format", "json" if as_json else form, FORMATS)
-    is_for_machines = _one_of("--progress", progress or ("json" if as_json else "bar"), ("bar", "json")) == "json"
-    chosen.check_venue(venue)
-    folders = Folders(data=data_folder(data))
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # end the processes of the league, too
-    with Store(db or str(folders.data / "arena.db")) as store:
-        if not is_over(store, chosen):
-            limits = chosen.limits if venue == "network" else NO_LIMITS
-            rehearse(chosen.entries, chosen.ruleset, folders.homes(chosen.name), limits)
-        with Scheduler(chosen, store, folders) as scheduler:
-            _play_league(scheduler, venue, f"{chosen.name} ({venue})", is_for_machines=is_for_machines)
-            report = make_report(scheduler.row, store.outcomes(scheduler.row), scheduler.secret)
-    journals, page = folders.journals(chosen.name), folders.reports / f"{chosen.name}.html"
-    save(page, render(report, "html", page, journals))
-    _show(report, form, out, journals)
-    if is_for_machines:
-        JsonProgress(0).say("end", report=str(page), journals=str(journals))
-    else:
-        typer.echo(f"report:   {page}\njournals: {journals}", err=form != "text")
-
-
-def _play_league(scheduler: "Scheduler", venue: str, title: str, *, is_for_machines: bool) -> None:
-    """Play what is left, and say how it goes."""
-    from tournaments.venues import VENUES
-
-    n_done, n_matches = scheduler.n_done, scheduler.n_matches
-    lines = JsonProgress(n_matches, n_done)
-
-    def tell(text: str, event: str, **facts: object) -> None:
-        if is_for_machines:
-            lines.say(event, **facts)
-        else:
-            typer.echo(text, err=True)
-
-    if n_done or is_for_machines:
-        tell(f"{n_done:,} of {n_matches:,} matches were played before", "begin", league=title, played=n_done, of=n_matches)
-    if scheduler.is_over:
-        return
-
-    def invite(commands: "Mapping[str, str]") -> None:
-        for name, command in commands.items():
-            tell(f"{name} joins with: {command}", "invitation", entry=name, command=command)
-
-    bar = nullcontext() if is_for_machines else progress_bar(n_matches - n_done, title)
-    try:
-        with stdout_to_stderr(), bar as advance:
-            for outcome in scheduler.run(VENUES[venue], invite):
-                if advance is not None:
-                    advance(1)
-                else:
-                    lines.advance("match", identity=outcome.identity, ending=outcome.ending.name.lower(), winner=_winner(outcome))
-    except KeyboardInterrupt:
-        n_done = scheduler.n_done
-        text = f"\nstopped: {n_done:,} of {n_matches:,} matches are stored; run it again to go on"
-        tell(text, "stopped", played=n_done, of=n_matches)
-        raise
-
-
-def _winner(outcome: "Outcome") -> str | None:
-    return None if outcome.winner is None else outcome.blue if outcome.winner.name == "BLUE" else outcome.red
-
-
-@tournament.command("report")
-def report_league(
-    league: LeagueName, data: Data = None, db: Db = "", form: Format = "text", out: Out = None, as_json: AsJson = False
-) -> None:
-    """Print the report of a league from its stored results."""
-    from tournaments.league_file import LEAGUES, load_league
-
-    is_file = league.endswith(".toml") or league in LEAGUES
-    read = load_league(league) if is_file else None
-    _report(read.name if read else league, read, data, db, "json" if as_json else form, out)
-
-
-@tournament.command("status")
-def show_status(
-    league: Annotated[str, typer.Argument(metavar="[LEAGUE.toml|NAME]", help="One league; none shows all.")] = "",
-    data: Data = None,
-    db: Db = "",
-    as_json: AsJson = False,
-) -> None:
-    """Show how far leagues are."""
-    from arena.folders import data_folder
-    from tournaments.league_file import load_league
-    from tournaments.progress import progress_of
-    from tournaments.store import Store
-
-    name = load_league(league).name if league.endswith(".toml") else league
-    with Store(db or str(data_folder(data) / "arena.db"), make=False) as store:
-        facts = [progress_of(store, row) for row in ([store.get(name)] if name else store.leagues())]
-    if as_json:
-        print_json(facts)
-    else:
-        print_table(("league", "entries", "played", "planned", "complete"), [tuple(fact.values()) for fact in facts])
-
-
-def leaderboard(
-    league: Annotated[str, typer.Option(metavar="NAME", help="The league; the one that was run last without it.")] = "",
-    ladder: Annotated[bool, typer.Option("--ladder", help="Show a pit's ladder; --league is then the pit.")] = False,
-    data: Data = None,
-    db: Db = "",
-    form: Format = "text",
-    out: Out = None,
-    as_json: AsJson = False,
-) -> None:
-    """Print who leads a league, or a ladder, from the stored results."""
-    form = "json" if as_json else form
-    if ladder:
-        from arena.folders import data_folder
-        from tournaments.formats import save
-        from tournaments.ladder_table import FORMATS as LADDER_FORMATS
-        from tournaments.ladder_table import render_ladder
-
-        text = render_ladder(db or str(data_folder(data) / "arena.db"), league, _one_of("--format", form, LADDER_FORMATS))
-        typer.echo(text, nl=False) if out is None else save(out, text)
-        return
-    _report(league, None, data, db, form, out)
-
-
-def _report(name: str, league: "League | None", data: Path | None, db: str, form: str, out: Path | None) -> None:
-    """Print the report of a stored league; the last one that was run if it has no name."""
-    from arena.folders import data_folder
-    from tournaments.report import make_report
-    from tournaments.scheduler import Folders
-    from tournaments.secret import recall_secret
-    from tournaments.store import Store
-
-    _one_of("--format", form, FORMATS)
-    folders = Folders(data=data_folder(data))
-    with Store(db or str(folders.data / "arena.db"), make=False) as store:
-        row = store.get(name) if name else store.latest()
-        outcomes = store.outcomes(row)
-    secret = None if league is None else recall_secret(league, folders.keys, row.facts["secret"])
-    _show(make_report(row, outcomes, secret), form, out, folders.journals(row.name))
-
-
-def _one_of(option: str, value: str, known: tuple[str, ...]) -> str:
-    if value not in known:
-        raise UnknownNameError(option, value, known)
-    return value
-
-
-def _show(report: "Report", form: str, out: Path | None, journals: Path) -> None:
-    from tournaments.formats import render, save
-    from tournaments.report import leaderboard as table
-    from tournaments.report import summary
-
-    if out is not None:
-        save(out, render(report, form, out, journals))
-        typer.echo(f"wrote {out}", err=True)
-    elif form == "text":
-        print_table(*table(report))
-        for line in summary(report):
-            typer.echo(line)
-    else:
-        typer.echo(render(report, form, Path("report.html"), journals), nl=False)
+def main() -> None:
+    """Run `arena`, and turn what went wrong into one sentence and an exit code."""
+    run(app)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
-from arena.game.types import Ending, Team
+from arena.game.types import Team, Termination
+from arena.local.venue import MatchPlan, MatchRecord
 from arena.policy import Faults
-from arena.referee.local import MatchPlan, MatchRecord
 
 _Z95 = 1.959964
 """Quantile of the normal distribution for a two-sided interval of 95%."""
@@ -67,7 +67,7 @@ def tally(one: str, other: str, records: Iterable[MatchRecord]) -> Tally:
     """Count a fixture's matches; they come in any order."""
     points: Counter[str] = Counter()
     counts: Counter[str] = Counter()
-    endings: Counter[Ending] = Counter()
+    endings: Counter[Termination] = Counter()
     faults = {one: Faults(), other: Faults()}
     per_pair: dict[bytes, float] = {}
     sides: Counter[Team] = Counter()
@@ -100,6 +100,6 @@ def tally(one: str, other: str, records: Iterable[MatchRecord]) -> Tally:
         blue_wins=sides[Team.BLUE],
         red_wins=sides[Team.RED],
         ticks=counts["ticks"],
-        endings={ending.name.lower(): endings[ending] for ending in Ending if endings[ending]},
+        endings={ending.name.lower(): endings[ending] for ending in Termination if endings[ending]},
         faults=faults,
     )

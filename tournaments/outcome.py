@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from arena.game.types import Ending, Team
+from arena.game.types import Team, Termination
+from arena.local.venue import MatchPlan
 from arena.policy import MatchResult
 from arena.records.journal import Header
-from arena.referee.local import MatchPlan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +31,7 @@ class Outcome:
     identity: str
     blue: str
     red: str
-    ending: Ending
+    ending: Termination
     winner: Team | None
     score: int
     """Blue's."""

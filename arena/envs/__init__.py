@@ -1,13 +1,11 @@
 """The game as an environment for learning: PettingZoo's face, Gymnasium's, and Gymnasium's vector form.
 
-All of them play through `arena.games.Games`, as the referee and the local venue do. Gymnasium learns of them when this package is
-imported, or by `gymnasium.make("arena.envs:arena/CaptureTheFlag-v0")`; the names below are handed on when they are first used.
+All of them play through `arena.game.engine.BatchedGame`, as the referee and the local venue do. `policies.environments` registers
+them with Gymnasium, our fighters as opponents by name. The names below are handed on when they are first used.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
-
-from gymnasium.envs.registration import register
 
 if TYPE_CHECKING:
     from arena.envs.parallel import ParallelCapture as ParallelCapture
@@ -21,12 +19,6 @@ _HOMES = {
     "SingleCapture": "arena.envs.single",
     "VectorCapture": "arena.envs.vector",
 }
-
-register(
-    id="arena/CaptureTheFlag-v0",
-    entry_point="arena.envs.single:SingleCapture",
-    vector_entry_point="arena.envs.vector:VectorCapture",
-)
 
 
 def __getattr__(name: str) -> Any:

@@ -1,6 +1,6 @@
 """The game for training: a batch of rows that never stops, since a row whose match has ended begins the next one at once.
 
-It is `arena.games.Games` with keys: there is no second `step` and no second `observe`.
+It is `arena.game.engine.BatchedGame` with keys: there is no second `step` and no second `observe`.
 """
 
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
+from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
-from arena.game.state import Fact
+from arena.game.state import StateField
 from arena.game.types import Team
-from arena.games import Games
-from arena.observation import Observations
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,7 +27,7 @@ class Turn:
     winner: NDArray[np.int32]
     """Shape (n_games,): a `Team`, or -1; means nothing where the match goes on."""
     ending: NDArray[np.int32]
-    """Shape (n_games,): an `Ending`."""
+    """Shape (n_games,): an `Termination`."""
     ticks: NDArray[np.int32]
     """Shape (n_games,): ticks played so far."""
 
@@ -46,7 +46,7 @@ class BatchedEnv:
 
     def __init__(self, ruleset: Ruleset, n_games: int, *, seed: int, first_row: int = 0) -> None:
         self.ruleset, self.n_games = ruleset, n_games
-        self.games = Games(ruleset, n_games)
+        self.games = BatchedGame(ruleset, n_games)
         self.episode = np.zeros(n_games, np.int64)
         """Shape (n_games,): matches begun in each row."""
         self._first_row = first_row
@@ -70,13 +70,13 @@ class BatchedEnv:
         self._orders[:, : self._n_blue] = orders[Team.BLUE]
         self._orders[:, self._n_blue :] = orders[Team.RED]
         self.games.step(self._orders)
-        fact = self.games.state.fact
+        field = self.games.state.field
         turn = Turn(
-            score=fact[:, Fact.SCORE].copy(),
+            score=field[:, StateField.SCORE].copy(),
             has_ended=self.games.is_over,
-            winner=fact[:, Fact.WINNER].copy(),
-            ending=fact[:, Fact.ENDING].copy(),
-            ticks=fact[:, Fact.TICK].copy(),
+            winner=field[:, StateField.WINNER].copy(),
+            ending=field[:, StateField.ENDING].copy(),
+            ticks=field[:, StateField.TICK].copy(),
         )
         self._begin(np.flatnonzero(turn.has_ended))
         return turn

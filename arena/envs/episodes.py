@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.envs.picture import draw_letters, paint, show
-from arena.envs.senses import Senses, sense
+from arena.envs.render import draw_letters, paint, show
+from arena.envs.spaces import Senses, sense
 from arena.errors import InputError, UnknownNameError
+from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, new_secret, secret_from_seed
 from arena.game.ruleset import Ruleset, load
-from arena.game.state import Fact
-from arena.game.types import Action, Ending, Team
-from arena.games import Games
+from arena.game.state import StateField
+from arena.game.types import Action, Team, Termination
 
 REWARDS = ("score", "outcome")
 RENDER_MODES = ("human", "ansi", "rgb_array")
@@ -43,7 +43,7 @@ class Episodes:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise UnknownNameError("render mode", render_mode, RENDER_MODES)
         self._reward, self._render_mode = reward, render_mode
-        self.games = Games(self.ruleset, 1)
+        self.games = BatchedGame(self.ruleset, 1)
         self._secret, self._n_begun = new_secret(), 0
         self._score = 0
 
@@ -60,13 +60,13 @@ class Episodes:
         self._show()
 
     @property
-    def ending(self) -> Ending:
+    def ending(self) -> Termination:
         """How the match ended; `RUNNING` until then. A match that has not begun counts as ended."""
-        return Ending(int(self.games.state.fact[0, Fact.ENDING]))
+        return Termination(int(self.games.state.field[0, StateField.ENDING]))
 
     def check_running(self) -> None:
         """Raise unless a match runs."""
-        if self.ending is not Ending.RUNNING:
+        if self.ending is not Termination.RUNNING:
             raise SteppedError("there is no match to step: it is over, or none was begun; call reset() first")
 
     def sense(self, team: Team) -> Senses:
@@ -76,15 +76,15 @@ class Episodes:
     def step(self, orders: Mapping[Team, NDArray[np.int8]]) -> float:
         """Play a tick, and return blue's reward; red's is its negative."""
         self.games.step(np.concatenate([orders[team] for team in Team])[None, :])
-        before, self._score = self._score, int(self.games.state.fact[0, Fact.SCORE])
+        before, self._score = self._score, int(self.games.state.field[0, StateField.SCORE])
         self._show()
         if self._reward == "score":
             return (self._score - before) / FULL_SCORE
-        return 0.0 if self.ending is Ending.RUNNING else float(np.sign(self._score))
+        return 0.0 if self.ending is Termination.RUNNING else float(np.sign(self._score))
 
     def info(self) -> dict[str, Any]:
         """Return what is to be said beside an observation: how the match ended, once it has."""
-        return {} if self.ending is Ending.RUNNING else {"ending": self.ending.name.lower()}
+        return {} if self.ending is Termination.RUNNING else {"ending": self.ending.name.lower()}
 
     def render(self) -> str | NDArray[np.uint8] | None:
         """Return the true board, as letters or as a picture; None where nobody wants it, or it is shown at every tick."""

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from arena.envs.episodes import RENDER_MODES, Episodes, SteppedError, read_orders
-from arena.envs.senses import Senses, sense_unit, space_of, unit_space
+from arena.envs.spaces import Senses, sense_unit, space_of, unit_space
 from arena.errors import UnknownNameError
 from arena.game.ruleset import Ruleset
-from arena.game.types import Action, Ending, Team
+from arena.game.types import Action, Team, Termination
 
 AGENTS = ("units", "teams")
 
@@ -98,7 +98,7 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
         """
         self._episodes.check_running()
         reward = self._episodes.step(self._read(actions))
-        before, is_over = self.agents, self._episodes.ending is not Ending.RUNNING
+        before, is_over = self.agents, self._episodes.ending is not Termination.RUNNING
         observations = self._observe(before)
         fallen = {agent for agent in before if not self._lives(agent, observations)}
         self.agents = [] if is_over else [agent for agent in before if agent not in fallen]

@@ -9,11 +9,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from arena.envs.episodes import RENDER_MODES, Episodes, read_orders
-from arena.envs.opponents import load_opponent
-from arena.envs.senses import Senses, space_of
+from arena.envs.spaces import Senses, space_of
 from arena.errors import UnknownNameError
 from arena.game.ruleset import Ruleset
-from arena.game.types import Action, Ending, Team
+from arena.game.types import Action, Team, Termination
 from arena.policy import BatchFactory
 
 TEAMS = tuple(team.name.lower() for team in Team)
@@ -25,7 +24,7 @@ class SingleCapture(gymnasium.Env[Senses, NDArray[Any]]):
     Parameters
     ----------
     opponent
-        A fighter's name or file, as `arena play` takes them, or a `BatchPolicy`.
+        Makes the fighter on the other side, as a `BatchPolicy` does; `policies.environments` finds it by name.
     team
         The side of the caller.
     ruleset, reward
@@ -41,7 +40,7 @@ class SingleCapture(gymnasium.Env[Senses, NDArray[Any]]):
 
     def __init__(
         self,
-        opponent: str | BatchFactory = "patrol",
+        opponent: BatchFactory,
         team: str = "blue",
         ruleset: Ruleset | str = "paper",
         reward: str = "score",
@@ -52,7 +51,7 @@ class SingleCapture(gymnasium.Env[Senses, NDArray[Any]]):
         self.render_mode = render_mode
         self.ruleset = rules = self._episodes.ruleset
         self._n_units = {side: len(rules.team(side)) for side in Team}
-        self._opponent = load_opponent(opponent)(rules, self._team.other, 1)
+        self._opponent = opponent(rules, self._team.other, 1)
         self.observation_space: spaces.Space[Any] = space_of(rules, self._team)
         self.action_space = spaces.MultiDiscrete([len(Action)] * self._n_units[self._team])
 
@@ -70,7 +69,7 @@ class SingleCapture(gymnasium.Env[Senses, NDArray[Any]]):
         theirs = np.zeros((1, self._n_units[self._team.other]), np.int8)
         self._opponent.act(self._episodes.games.observe()[self._team.other], theirs)
         reward = self._episodes.step({self._team: own, self._team.other: theirs[0]})
-        is_over = self._episodes.ending is not Ending.RUNNING
+        is_over = self._episodes.ending is not Termination.RUNNING
         own_reward = reward if self._team is Team.BLUE else -reward
         return self._episodes.sense(self._team), own_reward, is_over, False, self._episodes.info()
 

@@ -10,15 +10,14 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from arena.envs.episodes import FULL_SCORE, REWARDS, SteppedError, keys_of, load_rules
-from arena.envs.opponents import load_opponent
-from arena.envs.senses import Senses, sense, space_of
 from arena.envs.single import read_team
+from arena.envs.spaces import Senses, sense, space_of
 from arena.errors import UnknownNameError
+from arena.game.engine import BatchedGame
 from arena.game.keys import new_secret, secret_from_seed
 from arena.game.ruleset import Ruleset
-from arena.game.state import Fact
+from arena.game.state import StateField
 from arena.game.types import Action, Team
-from arena.games import Games
 from arena.policy import BatchFactory
 
 
@@ -32,8 +31,8 @@ class VectorCapture(VectorEnv[Senses, NDArray[Any], NDArray[Any]]):
 
     def __init__(
         self,
-        num_envs: int = 1,
-        opponent: str | BatchFactory = "patrol",
+        num_envs: int,
+        opponent: BatchFactory,
         team: str = "blue",
         ruleset: Ruleset | str = "paper",
         reward: str = "score",
@@ -42,8 +41,8 @@ class VectorCapture(VectorEnv[Senses, NDArray[Any], NDArray[Any]]):
             raise UnknownNameError("reward", reward, REWARDS)
         self.num_envs, self._team, self._is_outcome = num_envs, read_team(team), reward == "outcome"
         self.ruleset = load_rules(ruleset)
-        self._games = Games(self.ruleset, num_envs)
-        self._opponent = load_opponent(opponent)(self.ruleset, self._team.other, num_envs)
+        self._games = BatchedGame(self.ruleset, num_envs)
+        self._opponent = opponent(self.ruleset, self._team.other, num_envs)
         self._n_units = {side: len(self.ruleset.team(side)) for side in Team}
         self.single_observation_space = space_of(self.ruleset, self._team)
         self.single_action_space = spaces.MultiDiscrete([len(Action)] * self._n_units[self._team])
@@ -92,7 +91,7 @@ class VectorCapture(VectorEnv[Senses, NDArray[Any], NDArray[Any]]):
 
     def _score(self) -> NDArray[np.float64]:
         """Return the own scores, shape (num_envs,)."""
-        blue = self._games.state.fact[:, Fact.SCORE].astype(np.float64)
+        blue = self._games.state.field[:, StateField.SCORE].astype(np.float64)
         return blue if self._team is Team.BLUE else -blue
 
     def _begin(self, rows: NDArray[np.intp]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from arena.game.bits import popcount
 from arena.game.philox import Purpose, below, philox
-from arena.game.state import Fact, Rule
+from arena.game.state import Rule, StateField
 from arena.game.types import Code
 from arena.jit import jit
 
@@ -49,10 +49,10 @@ def draw(game: Any, state: Any, tables: Any, map_key: Any, rows: Any) -> int:
 def begin(game: Any, state: Any, tables: Any) -> None:
     """Set a laid-out game to tick 0, everybody living."""
     state.alive[game] = 1
-    fact = state.fact[game]
-    fact[Fact.TICK] = fact[Fact.ENDING] = fact[Fact.SCORE] = 0
-    fact[Fact.WINNER] = -1
-    fact[Fact.BLUE_LIVING], fact[Fact.RED_LIVING] = tables.rule[Rule.BLUE_UNITS], tables.rule[Rule.RED_UNITS]
+    field = state.field[game]
+    field[StateField.TICK] = field[StateField.ENDING] = field[StateField.SCORE] = 0
+    field[StateField.WINNER] = -1
+    field[StateField.BLUE_LIVING], field[StateField.RED_LIVING] = tables.rule[Rule.BLUE_UNITS], tables.rule[Rule.RED_UNITS]
 
 
 @jit(inline=True)
@@ -105,7 +105,7 @@ def _place(game: Any, state: Any, tables: Any, map_key: Any, attempt: Any, left:
         for thing in range(n_units + 1):
             if team == 1 and tables.rule[Rule.MIRROR]:
                 if thing == 0:
-                    cell = side * side - 1 - np.int64(state.fact[game, Fact.BLUE_FLAG])
+                    cell = side * side - 1 - np.int64(state.field[game, StateField.BLUE_FLAG])
                 else:
                     cell = side * side - 1 - np.int64(state.cell[game, thing - 1])
             else:
@@ -116,7 +116,7 @@ def _place(game: Any, state: Any, tables: Any, map_key: Any, attempt: Any, left:
                     return False
             free[cell // side + 1] &= ~(_ONE << np.uint64(cell % side))
             if thing == 0:
-                state.fact[game, Fact.BLUE_FLAG + team] = cell
+                state.field[game, StateField.BLUE_FLAG + team] = cell
                 state.ground[game, cell] = Code.BLUE_FLAG + team
             else:
                 state.cell[game, first_unit + thing - 1] = cell
@@ -158,7 +158,7 @@ def is_open(game: Any, state: Any, tables: Any, rows: Any) -> bool:
         n_walkers = tables.rule[Rule.RED_WALKERS if team else Rule.BLUE_WALKERS]
         if n_walkers == 0:
             continue
-        _flood(side, free, reached, np.int64(state.fact[game, Fact.RED_FLAG - team]))
+        _flood(side, free, reached, np.int64(state.field[game, StateField.RED_FLAG - team]))
         first = tables.rule[Rule.BLUE_UNITS] * team
         for unit in range(first, first + n_walkers):
             cell = np.int64(state.cell[game, unit])

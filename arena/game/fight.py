@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from arena.game.philox import Purpose, philox
-from arena.game.state import Fact, Rule, Trait
-from arena.game.types import Ending
+from arena.game.state import Rule, StateField, Trait
+from arena.game.types import Termination
 from arena.jit import jit
 
 _HALF = np.uint64(32)
@@ -52,7 +52,7 @@ def _squared(tables: Any, one: Any, other: Any) -> Any:
 @jit()
 def _fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
     _, blue, blue_walkers, _, red_walkers = shape
-    tick = state.fact[game, Fact.TICK]
+    tick = state.field[game, StateField.TICK]
     falls = work[0]
     for walker in range(blue_walkers + red_walkers):
         team = 0 if walker < blue_walkers else 1
@@ -92,7 +92,7 @@ def _fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
         if falls[walker]:
             team = 0 if walker < blue_walkers else 1
             state.alive[game, walker + team * (blue - blue_walkers)] = 0
-            state.fact[game, Fact.BLUE_LIVING + team] -= 1
+            state.field[game, StateField.BLUE_LIVING + team] -= 1
 
 
 @jit(inline=True)
@@ -102,27 +102,27 @@ def judge(game: Any, shape: Any, state: Any, tables: Any) -> None:
     Source: paper, Eq. 4 and the text under it; what it leaves open, DESIGN section 1.
     """
     _, blue, blue_walkers, red, red_walkers = shape
-    state.fact[game, Fact.TICK] += 1
-    blue_captures = _captures(game, state, 0, blue_walkers, state.fact[game, Fact.RED_FLAG])
-    red_captures = _captures(game, state, blue, blue + red_walkers, state.fact[game, Fact.BLUE_FLAG])
-    blue_lost = blue - state.fact[game, Fact.BLUE_LIVING]
-    red_lost = red - state.fact[game, Fact.RED_LIVING]
+    state.field[game, StateField.TICK] += 1
+    blue_captures = _captures(game, state, 0, blue_walkers, state.field[game, StateField.RED_FLAG])
+    red_captures = _captures(game, state, blue, blue + red_walkers, state.field[game, StateField.BLUE_FLAG])
+    blue_lost = blue - state.field[game, StateField.BLUE_LIVING]
+    red_lost = red - state.field[game, StateField.RED_LIVING]
     blue_falls = blue_walkers > 0 and blue_lost == blue_walkers
     red_falls = red_walkers > 0 and red_lost == red_walkers
     score = min(max(UNIT_SCORE * (red_lost - blue_lost), -FLAG_SCORE), FLAG_SCORE)
-    ending = Ending.RUNNING
+    ending = Termination.RUNNING
     if blue_captures or red_captures:
-        ending = Ending.CAPTURE
+        ending = Termination.CAPTURE
         score = FLAG_SCORE * (np.int64(blue_captures) - np.int64(red_captures))
     elif blue_falls or red_falls:
-        ending = Ending.ELIMINATION
+        ending = Termination.ELIMINATION
         score = FLAG_SCORE * (np.int64(red_falls) - np.int64(blue_falls))
-    elif state.fact[game, Fact.TICK] >= tables.rule[Rule.TICK_LIMIT]:
-        ending = Ending.TICK_LIMIT
-    state.fact[game, Fact.SCORE] = score
-    state.fact[game, Fact.ENDING] = ending
-    if ending != Ending.RUNNING:
-        state.fact[game, Fact.WINNER] = 0 if score > 0 else 1 if score < 0 else -1
+    elif state.field[game, StateField.TICK] >= tables.rule[Rule.TICK_LIMIT]:
+        ending = Termination.TICK_LIMIT
+    state.field[game, StateField.SCORE] = score
+    state.field[game, StateField.ENDING] = ending
+    if ending != Termination.RUNNING:
+        state.field[game, StateField.WINNER] = 0 if score > 0 else 1 if score < 0 else -1
 
 
 @jit(inline=True)

@@ -1,6 +1,6 @@
 """What each team may see: the union of its living units' discs of sight, and nothing else.
 
-The law of the fog stands in `arena.observation`; this is the one place that draws it.
+The law of the fog stands in `arena.game.observation`; this is the one place that draws it.
 """
 
 from typing import Any

@@ -13,8 +13,8 @@ from arena.game.fight import fight, judge
 from arena.game.fog import see, spot
 from arena.game.move import move
 from arena.game.philox import Purpose, philox
-from arena.game.state import Fact, Rule
-from arena.game.types import Ending
+from arena.game.state import Rule, StateField
+from arena.game.types import Termination
 from arena.jit import jit
 
 DEFAULT_SHAPE = (20, 6, 4, 6, 4)
@@ -31,7 +31,7 @@ def _shape(tables: Any) -> Any:
 
 @jit(inline=True)
 def _step_one(game: Any, shape: Any, state: Any, orders: Any, tables: Any, work: Any) -> None:
-    if state.fact[game, Fact.ENDING] == Ending.RUNNING:
+    if state.field[game, StateField.ENDING] == Termination.RUNNING:
         move(game, shape, state, orders, tables, work)
         fight(game, shape, state, tables, work)
         judge(game, shape, state, tables)
@@ -96,10 +96,10 @@ def renew(state: Any, tables: Any, rows: Any) -> int:
     """Draw every finished game anew, with keys from its row's stream; return how many, or -1 if a board could not be drawn."""
     renewed = 0
     for game in range(len(state.cell)):
-        if state.fact[game, Fact.ENDING] == Ending.RUNNING:
+        if state.field[game, StateField.ENDING] == Termination.RUNNING:
             continue
-        episode = state.fact[game, Fact.EPISODE] + 1
-        state.fact[game, Fact.EPISODE] = episode
+        episode = state.field[game, StateField.EPISODE] + 1
+        state.field[game, StateField.EPISODE] = episode
         stream = state.stream[game]
         for purpose in range(2):
             words = philox(stream, episode, purpose, Purpose.KEY, 0)
@@ -174,10 +174,10 @@ def play(state: Any, orders: Any, tables: Any, work: Any, seat_keys: Any, boards
 @jit(inline=True)
 def _tell(state: Any, tables: Any, seat_keys: Any, boards: Any, team: Any, seen: Any) -> None:
     for game in range(len(state.cell)):
-        seen.tick[game] = state.fact[game, Fact.TICK]
-        seen.living[game, 0] = state.fact[game, Fact.BLUE_LIVING + team]
-        seen.living[game, 1] = state.fact[game, Fact.RED_LIVING - team]
-        score = state.fact[game, Fact.SCORE]
+        seen.tick[game] = state.field[game, StateField.TICK]
+        seen.living[game, 0] = state.field[game, StateField.BLUE_LIVING + team]
+        seen.living[game, 1] = state.field[game, StateField.RED_LIVING - team]
+        score = state.field[game, StateField.SCORE]
         seen.score[game] = -score if team else score
     spot(state, tables, team, boards[team], seen.enemy_cell, seen.enemy_flies, seen.enemy_type)
     draw_seeds(seat_keys[team], seen.tick, seen.seed)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arena.game.philox import Purpose, philox
-from arena.game.state import Fact, Trait
+from arena.game.state import StateField, Trait
 from arena.game.types import Code
 from arena.jit import jit
 
@@ -82,7 +82,7 @@ def _settle(game: Any, shape: Any, state: Any, work: Any) -> None:
     """Make units stay until nothing changes. The result does not depend on the order in which they are looked at."""
     _, _, blue_walkers, _, red_walkers = shape
     walkers = blue_walkers + red_walkers
-    tick = state.fact[game, Fact.TICK]
+    tick = state.field[game, StateField.TICK]
     for walker in range(walkers):
         team = 0 if walker < blue_walkers else 1
         index = walker - team * blue_walkers

@@ -17,8 +17,8 @@ WORD = 64
 """Cells in one word of a set of cells."""
 
 
-class Fact(IntEnum):
-    """Columns of `State.fact`."""
+class StateField(IntEnum):
+    """Columns of `State.field`."""
 
     TICK = 0
     ENDING = 1
@@ -44,8 +44,8 @@ class State(NamedTuple):
     """Shape (n, units): where each unit stands, or fell."""
     alive: NDArray[np.uint8]
     """Shape (n, units)."""
-    fact: NDArray[np.int32]
-    """Shape (n, len(Fact))."""
+    field: NDArray[np.int32]
+    """Shape (n, len(StateField))."""
     key: NDArray[np.uint32]
     """Shape (n, 2 purposes, 2 teams, 2): Philox keys of each team's moves, and of its fights."""
     stream: NDArray[np.uint32]
@@ -53,7 +53,7 @@ class State(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What one team is told of `n` games beside its board and its own units; the fields of `arena.observation.Observations`."""
+    """What one team is told of `n` games beside its board and its own units; fields of `arena.game.observation.Observations`."""
 
     tick: NDArray[np.int32]
     living: NDArray[np.int16]
@@ -121,7 +121,7 @@ def make_state(ruleset: Ruleset, n_games: int) -> State:
         ground=np.zeros((n_games, n_words(ruleset.side) * WORD), np.int8),
         cell=np.zeros((n_games, n_units), np.int16),
         alive=np.zeros((n_games, n_units), np.uint8),
-        fact=np.zeros((n_games, len(Fact)), np.int32),
+        field=np.zeros((n_games, len(StateField)), np.int32),
         key=np.zeros((n_games, 2, 2, 2), np.uint32),
         stream=np.zeros((n_games, 2), np.uint32),
     )

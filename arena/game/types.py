@@ -53,7 +53,7 @@ UGVS = (Code.BLUE_UGV, Code.RED_UGV)
 UAVS = (Code.BLUE_UAV, Code.RED_UAV)
 
 
-class Ending(IntEnum):
+class Termination(IntEnum):
     """Why a match is over."""
 
     RUNNING = 0

@@ -13,7 +13,7 @@ A match, message by message; `handshake` says how the first four are sealed, `se
     Orders        ---- action ---->
                   <- observation -  Signed          holds Ended
     Receipt       ---- action ---->
-                  <---- public ---  Facts, Signed   what everyone may know
+                  <---- public ---  PublicState, Signed   what everyone may know
                   <---- truth ----  Truth           to holders of the spectator key
 """
 
@@ -141,7 +141,7 @@ class Commitment:
 
     match: str
     digest: bytes
-    """As `arena.protocol.facts.commit` gives it."""
+    """As `arena.protocol.signed.commit` gives it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,7 +179,7 @@ class Turn:
 
     tick: int
     observation: bytes
-    """As `arena.protocol.sight.pack` gives it: of one length per ruleset."""
+    """As `arena.protocol.observation_codec.pack` gives it: of one length per ruleset."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -226,11 +226,11 @@ class Receipt:
     head: bytes
     """Of its transcript: what stands for all of them."""
     signature: bytes
-    """By the entry; see `arena.protocol.facts`."""
+    """By the entry; see `arena.protocol.signed`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Facts:
+class PublicState:
     """What both teams, and everyone else, may know of a running match."""
 
     tick: int
@@ -313,7 +313,7 @@ Message = (
     | Commitment
     | Ended
     | Receipt
-    | Facts
+    | PublicState
     | Truth
     | JournalRequest
     | JournalPiece

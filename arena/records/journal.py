@@ -34,7 +34,7 @@ from arena.game.types import RULES_VERSION, Team
 from arena.policy import MatchResult
 from arena.protocol.identity import PUBLIC_BYTES, SIGNATURE_BYTES
 from arena.protocol.messages import Receipt
-from arena.records.frames import (
+from arena.records.framing import (
     CutShortError,
     FrameReader,
     link,
@@ -113,7 +113,7 @@ class TickRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seals:
-    """What a pit on the network, and those who played there, put their names to; `arena.referee.seals` checks it."""
+    """What a pit on the network, and those who played there, put their names to; `arena.records.verification` checks it."""
 
     pit_key: bytes
     entries: dict[Team, bytes]
@@ -128,7 +128,7 @@ class Seals:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Journal:
-    """A journal as read from its bytes; whether it is true, `arena.referee.replay` finds out."""
+    """A journal as read from its bytes; whether it is true, `arena.records.replay` finds out."""
 
     header: Header
     start_chain: bytes

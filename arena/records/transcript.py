@@ -4,7 +4,7 @@ It is the client's own help, without any truth: a disk that fails ends the trans
 
     magic                                               19 bytes
     "H"  length (uint32)  header (msgpack)              pit, match, seat, rules
-    "T"  observation  orders                            one a tick: as `arena.protocol.sight` packs it, a byte per own unit
+    "T"  observation  orders                            one a tick: as `protocol.observation_codec` packs it, a byte per own unit
     "E"  length (uint32)  ending (msgpack)  SHA-256     once the match is over: of all bytes before the hash
 """
 
@@ -23,12 +23,12 @@ from urllib.parse import quote
 import msgpack
 
 from arena.errors import InputError, JournalError, UnreadableError
+from arena.game.observation import Observation
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION, Team
-from arena.observation import Observation
 from arena.policy import MatchResult
-from arena.protocol.sight import Reader, pack, timeless
-from arena.records.frames import (
+from arena.protocol.observation_codec import Reader, pack, timeless
+from arena.records.framing import (
     CutShortError,
     FrameReader,
     link,

@@ -12,11 +12,11 @@ from textual.message import Message
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from arena.display.text import LEGEND
 from arena.errors import ArenaError
 from arena.game.types import Action
-from arena.view import LEGEND
-from clients.desk import Desk
-from clients.human import Commander
+from clients.human.commander import Commander
+from clients.human.turn_mailbox import Desk
 from clients.terminal import panel
 from clients.terminal.board import BoardView
 from policies.registry import OWN

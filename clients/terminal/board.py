@@ -5,10 +5,10 @@ from textual import events
 from textual.message import Message
 from textual.widget import Widget
 
+from arena.display.text import draw_board
 from arena.game.types import Action, Code
-from arena.view import draw_board
-from clients.picture import Picture, UnitPicture
-from clients.routes import Cell
+from clients.human.routes import Cell
+from clients.human.view_model import Picture, UnitPicture
 
 _CHOSEN, _OTHER, _MAY, _WAY, _GOAL = "reverse", "", "underline bold", "bold", "reverse bold"
 

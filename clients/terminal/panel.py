@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
+from arena.display.text import tell_end, tell_result
+from arena.game.observation import Observation
 from arena.game.types import Action, Team
-from arena.observation import Observation
 from arena.policy import MatchResult
-from arena.view import tell_end, tell_result
-from clients.picture import Picture, UnitPicture
+from clients.human.view_model import Picture, UnitPicture
 from clients.terminal.board import ARROWS
 
 HELP = (

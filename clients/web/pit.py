@@ -14,13 +14,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from arena.address import Address
+from arena.display.frame import describe_rules, describe_tick
 from arena.errors import ArenaError, LostPitError, ProtocolError
 from arena.game.ruleset import Ruleset
+from arena.network.address import Address
+from arena.network.session import Sample, Session, open_client, read_key, read_payload
 from arena.protocol import topics
 from arena.protocol.messages import Lobby
-from arena.scene import describe_rules, describe_tick
-from arena.transport import Sample, Session, open_client, read_key, read_payload
 from clients.audit import fetch_journal
 from clients.lobby import ask_challenge, ask_lobby
 from clients.seat import read_rules

@@ -1,7 +1,7 @@
 """A person who plays in the browser: a seat of their own, that outlives the page as long as its match does.
 
 The seat's runner has its thread, as `arena join` has its process. What the page is sent is what the terminal shows, a
-`clients.picture.Picture` as plain data; what it says goes to the same `Commander`.
+`clients.human.view_model.Picture` as plain data; what it says goes to the same `Commander`.
 """
 
 import asyncio
@@ -13,13 +13,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
+from arena.display.frame import to_text
 from arena.errors import ArenaError, InputError, UnknownNameError
 from arena.game.types import Action
-from arena.scene import to_text
 from clients.audit import Verdict
-from clients.desk import Desk
-from clients.human import Commander
-from clients.picture import Picture
+from clients.human.commander import Commander
+from clients.human.turn_mailbox import Desk
+from clients.human.view_model import Picture
 from clients.runner import Runner
 from clients.seat import Seat
 from clients.settings import Settings

@@ -22,13 +22,14 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from arena.display.replay_frames import tell_match
 from arena.errors import ArenaError, InputError, LostPitError
 from arena.protocol.identity import from_text
 from arena.protocol.topics import is_chunk
 from clients.web.guard import LOOPBACK, Guard
 from clients.web.pit import PitClient
 from clients.web.play import Player, Players, check_fighter, read_wish
-from clients.web.sources import Leagues, replay
+from clients.web.providers import Leagues
 from policies import registry
 
 logger = logging.getLogger(__name__)
@@ -115,7 +116,7 @@ class Pages:
             if not is_chunk(match):
                 raise InputError("no match is called so")
             journal = await self._pit.fetch_journal(match)
-            return await asyncio.to_thread(replay, journal)
+            return await asyncio.to_thread(tell_match, journal)
 
         return await _answer(play_again)
 
@@ -131,7 +132,7 @@ class Pages:
     async def league_replay(self, request: Request) -> Response:
         """Answer with a match of a league, tick by tick."""
         name, identity = (request.query_params.get(key, "") for key in ("league", "identity"))
-        return await _answer(lambda: asyncio.to_thread(lambda: replay(self._leagues.journal(name, identity))))
+        return await _answer(lambda: asyncio.to_thread(lambda: tell_match(self._leagues.journal(name, identity))))
 
     async def watch(self, socket: WebSocket) -> None:
         """Tell a page all that happens in a running match; of its boards only to one that brings the spectator key."""

@@ -8,13 +8,13 @@ from typing import Any
 
 from arena.jit import jit
 from arena.policy import Orders
-from policies.belief import update_seat
-from policies.believing import BelievingPolicy
-from policies.bitrows import UNREACHED
-from policies.lanes import hold_lanes
-from policies.memory import Sight
-from policies.scouting import scout
-from policies.tactics import BOLD, GUARD, HUNT, WARY, appoint, march, survey
+from policies.belief.belief import update_seat
+from policies.belief.bitrows import UNREACHED
+from policies.belief.memory import Sight
+from policies.heuristics.believing import BelievingPolicy
+from policies.tactics.lanes import hold_lanes
+from policies.tactics.roles import BOLD, GUARD, HUNT, WARY, appoint, march, survey
+from policies.tactics.scouting import scout
 
 _CALM = 12
 """Ticks without an intruder after which nobody need stay."""

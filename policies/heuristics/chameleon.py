@@ -8,12 +8,12 @@ from typing import Any
 from arena.game.philox import below
 from arena.jit import jit
 from arena.policy import Orders
-from policies.belief import update_seat
-from policies.believing import BelievingPolicy
+from policies.belief.belief import update_seat
+from policies.belief.memory import Sight
 from policies.chance import draw, one_in
 from policies.heuristics import border_hunter, role_team, scout_rush, squad, turtle
-from policies.memory import Sight
-from policies.tactics import NEVER
+from policies.heuristics.believing import BelievingPolicy
+from policies.tactics.roles import NEVER
 
 _READS = 10
 """Ticks of reading."""

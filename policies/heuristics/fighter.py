@@ -12,11 +12,11 @@ from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.jit import jit
 from arena.policy import Orders
+from policies.belief.memory import RememberingPolicy, Sight, nearest_walker, remember
 from policies.chance import draw
-from policies.memory import RememberingPolicy, Sight, nearest_walker, remember
-from policies.moves import STAY
-from policies.pursuit import pursue
-from policies.wandering import next_goal
+from policies.tactics.moves import STAY
+from policies.tactics.pursuit import pursue
+from policies.tactics.wandering import next_goal
 
 
 @jit(inline=True)

@@ -9,10 +9,10 @@ from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.jit import jit
 from arena.policy import Orders
+from policies.belief.memory import RememberingPolicy, Sight, remember
 from policies.chance import draw
-from policies.memory import RememberingPolicy, Sight, remember
-from policies.moves import NORTH, SOUTH, STAY, behind, is_open
-from policies.pursuit import pursue
+from policies.tactics.moves import NORTH, SOUTH, STAY, behind, is_open
+from policies.tactics.pursuit import pursue
 
 
 @jit()

@@ -5,9 +5,9 @@ from typing import Any
 from arena.game.philox import below
 from arena.jit import jit
 from arena.policy import Orders
+from policies.belief.memory import RememberingPolicy, Sight
 from policies.chance import draw
-from policies.memory import RememberingPolicy, Sight
-from policies.moves import EAST, NORTH, SOUTH, STAY, WEST, is_open
+from policies.tactics.moves import EAST, NORTH, SOUTH, STAY, WEST, is_open
 
 
 @jit()

@@ -13,10 +13,10 @@ from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.jit import jit
 from arena.policy import Orders
+from policies.belief.memory import RememberingPolicy, Sight, remember
 from policies.chance import draw
-from policies.memory import RememberingPolicy, Sight, remember
-from policies.moves import STAY, is_open, right_of
-from policies.pursuit import pursue
+from policies.tactics.moves import STAY, is_open, right_of
+from policies.tactics.pursuit import pursue
 
 
 @jit()

@@ -12,11 +12,11 @@ from arena.game.ruleset import Ruleset
 from arena.game.types import Code, Team
 from arena.jit import jit
 from arena.policy import Orders
+from policies.belief.memory import RememberingPolicy, Sight, remember
 from policies.chance import draw, one_in
-from policies.memory import RememberingPolicy, Sight, remember
-from policies.moves import STAY
-from policies.paths import UNREACHED, downhill, flood
-from policies.pursuit import pursue
+from policies.tactics.moves import STAY
+from policies.tactics.paths import UNREACHED, downhill, flood
+from policies.tactics.pursuit import pursue
 
 _OBSTACLE = int(Code.OBSTACLE)
 _PATIENCE = 64

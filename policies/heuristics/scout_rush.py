@@ -7,13 +7,13 @@ from typing import Any
 
 from arena.jit import jit
 from arena.policy import Orders
-from policies.belief import update_seat
-from policies.believing import BelievingPolicy
-from policies.bitrows import UNREACHED
-from policies.luring import lure
-from policies.memory import Sight
-from policies.scouting import scout
-from policies.tactics import BOLD, GUARD, WARY, appoint, march, survey
+from policies.belief.belief import update_seat
+from policies.belief.bitrows import UNREACHED
+from policies.belief.memory import Sight
+from policies.heuristics.believing import BelievingPolicy
+from policies.tactics.luring import lure
+from policies.tactics.roles import BOLD, GUARD, WARY, appoint, march, survey
+from policies.tactics.scouting import scout
 
 _CALM = 8
 """Ticks without an intruder after which nobody stays to guard."""

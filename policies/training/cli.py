@@ -68,7 +68,7 @@ def start_or_go_on(
         # The allocator reads its settings once, at the start of a process.
         os.environ |= KEEP | {name: os.environ[name] for name in KEEP if name in os.environ}
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
-    from policies.learned import hold_threads
+    from policies.networks.learned import hold_threads
     from policies.training.budget import Budget
     from policies.training.curriculum import has_ended, stages_of, start_of
     from policies.training.folder import LAST, SETTINGS, RunFolder

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
+from arena.game.observation import Observations
 from arena.game.types import Action, Team
-from arena.observation import Observations
-from policies.features import N_PLANES, N_SCALARS
-from policies.learned import CHUNK, as_bf16, choose, infer
-from policies.networks import TeamNetwork
+from policies.networks.features import N_PLANES, N_SCALARS
+from policies.networks.learned import CHUNK, as_bf16, choose, infer
+from policies.networks.models import TeamNetwork
 from policies.registry import load
 from policies.training.ppo import Learner
 from policies.training.rollout import Player, Results

@@ -8,7 +8,7 @@ from pathlib import Path
 from arena.errors import InputError, UnknownNameError
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
-from policies.checkpoint import Manifest, read_manifest
+from policies.networks.checkpoint import Manifest, read_manifest
 from policies.training.folder import LAST
 
 CURRICULA = {"paper": ("exp1", "exp2", "exp3", "exp4")}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.errors import InputError
-from policies.checkpoint import write_whole
+from policies.networks.checkpoint import write_whole
 from policies.training.folder import METRICS, SETTINGS, RunFolder
 from policies.training.line_chart import Curve, draw
 from policies.training.methods import read_order

@@ -17,7 +17,7 @@ from typing import Any
 import torch
 
 from arena.errors import ArenaError, InputError
-from policies.checkpoint import write_whole
+from policies.networks.checkpoint import write_whole
 
 SETTINGS, METRICS, START, LAST, STATE = "settings.json", "metrics.csv", "start.safetensors", "last.safetensors", "state.pt"
 STEP = "step"

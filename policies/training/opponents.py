@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
+from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
-from arena.observation import Observations
 from arena.policy import BatchPolicy
-from policies.learned import LearnedTeam
-from policies.networks import TeamNetwork
+from policies.networks.learned import LearnedTeam
+from policies.networks.models import TeamNetwork
 from policies.registry import load
 
 SELF, BEST, PAST, NOBODY = "self", "best", "past", "nobody"

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from policies.learned import CHUNK
-from policies.networks import Critic, TeamNetwork, channels_last
+from policies.networks.learned import CHUNK
+from policies.networks.models import Critic, TeamNetwork, channels_last
 from policies.training.gradients import bound_gradients
 from policies.training.parallel import Processes
 from policies.training.rollout import Experience

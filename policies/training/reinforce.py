@@ -46,8 +46,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from policies.learned import CHUNK, has_fast_bf16
-from policies.networks import PaperTeam, channels_last
+from policies.networks.learned import CHUNK, has_fast_bf16
+from policies.networks.models import PaperTeam, channels_last
 from policies.training.gradients import bound_gradients
 from policies.training.parallel import Processes
 from policies.training.reinforce_settings import ReinforceSettings

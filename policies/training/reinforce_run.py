@@ -17,9 +17,9 @@ from arena.errors import InputError
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from arena.policy import BatchPolicy
-from policies.checkpoint import describe, load_checkpoint, save_checkpoint
-from policies.learned import as_bf16
-from policies.networks import PaperTeam
+from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
+from policies.networks.learned import as_bf16
+from policies.networks.models import PaperTeam
 from policies.registry import load
 from policies.training.budget import Budget
 from policies.training.curriculum import PROGRESS, check_start

@@ -7,8 +7,8 @@ from typing import Any
 from arena.errors import InputError
 from arena.game.ruleset import parse_overrides
 from arena.game.types import Code
-from policies.checkpoint import MOST_AGENTS
-from policies.first_person import WINDOW
+from policies.networks.checkpoint import MOST_AGENTS
+from policies.networks.first_person import WINDOW
 from policies.training.settings import read_values
 
 SELF = "self"

@@ -11,7 +11,7 @@ class Samples(NamedTuple):
     """Ticks of single units; n of them."""
 
     views: Tensor
-    """int8, shape (n, window, window), as `policies.first_person` cuts them."""
+    """int8, shape (n, window, window), as `policies.networks.first_person` cuts them."""
     unit: Tensor
     """int64, shape (n,): index of the unit in its team."""
     action: Tensor

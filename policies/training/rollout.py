@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from arena.envs.batched import BatchedEnv, Turn
+from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
-from arena.game.types import Action, Ending, Team
-from arena.observation import Observations
-from policies.features import N_PLANES, N_SCALARS, Encoded, Encoder
-from policies.learned import choose, infer
-from policies.networks import N_TRUTH_PLANES, TeamNetwork
+from arena.game.types import Action, Team, Termination
+from policies.networks.features import N_PLANES, N_SCALARS, Encoded, Encoder
+from policies.networks.learned import choose, infer
+from policies.networks.models import N_TRUTH_PLANES, TeamNetwork
 from policies.training.opponents import SELF, Opponents
 from policies.training.truth import reveal
 
@@ -67,7 +67,7 @@ class Results:
             winner = int(turn.winner[row])
             mine.append(0.5 if winner < 0 else float(winner == Team.BLUE))
             self.ticks.append(int(turn.ticks[row]))
-            self.captures += int(turn.ending[row] == Ending.CAPTURE and winner == Team.BLUE)
+            self.captures += int(turn.ending[row] == Termination.CAPTURE and winner == Team.BLUE)
 
 
 class Player:
@@ -145,7 +145,7 @@ class Player:
         """Return reward, gain and end of each seat, as `Experience` has them."""
         outcome = np.where(turn.winner == Team.BLUE, 1.0, np.where(turn.winner == Team.RED, -1.0, 0.0))
         reward = np.where(turn.has_ended, outcome, 0.0).astype(np.float32)
-        is_decided = (turn.ending == Ending.CAPTURE) | (turn.ending == Ending.ELIMINATION)
+        is_decided = (turn.ending == Termination.CAPTURE) | (turn.ending == Termination.ELIMINATION)
         gain = np.where(is_decided, 0.0, (turn.score - self._score) / 100).astype(np.float32)
         self._score = np.where(turn.has_ended, 0, turn.score)
         rows = self.opponents.self_rows

@@ -20,9 +20,9 @@ from arena.errors import InputError
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
-from policies.checkpoint import describe, load_checkpoint, save_checkpoint
-from policies.learned import as_bf16
-from policies.networks import Critic, TeamNetwork, TeamShape
+from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
+from policies.networks.learned import as_bf16
+from policies.networks.models import Critic, TeamNetwork, TeamShape
 from policies.training.budget import Budget
 from policies.training.clone import Teacher, clone
 from policies.training.folder import LAST, START, STEP, RunFolder

@@ -10,12 +10,12 @@ import torch
 from numpy.typing import NDArray
 
 from arena.envs.batched import BatchedEnv
-from arena.game.types import Code, Ending, Team
-from arena.observation import Observations
+from arena.game.observation import Observations
+from arena.game.types import Code, Team, Termination
 from arena.policy import BatchPolicy
-from policies.first_person import FirstPerson
-from policies.learned import choose, infer_units
-from policies.networks import N_ACTIONS, PaperTeam
+from policies.networks.first_person import FirstPerson
+from policies.networks.learned import choose, infer_units
+from policies.networks.models import N_ACTIONS, PaperTeam
 from policies.training.reinforce import credit
 from policies.training.reinforce_settings import ReinforceSettings
 from policies.training.replay import Samples
@@ -106,7 +106,7 @@ class Stage:
             ends = is_playing & turn.has_ended
             length[ends] = turn.ticks[ends]
             is_won |= ends & (turn.winner == Team.BLUE)
-            is_captured |= ends & (turn.winner == Team.BLUE) & (turn.ending == Ending.CAPTURE)
+            is_captured |= ends & (turn.winner == Team.BLUE) & (turn.ending == Termination.CAPTURE)
             is_playing &= ~turn.has_ended
             if self.opponent is not None:
                 self.opponent.start(np.flatnonzero(turn.has_ended))

@@ -5,18 +5,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.game.state import Fact, State
+from arena.game.engine import BatchedGame
+from arena.game.state import State, StateField
 from arena.game.types import Code, Team
-from arena.games import Games
 from arena.jit import jit
-from policies.features import ONE, framed
-from policies.networks import N_TRUTH_PLANES
+from policies.networks.features import ONE, framed
+from policies.networks.models import N_TRUTH_PLANES
 
 _OBSTACLE = int(Code.OBSTACLE)
 _ENEMY_UGV, _ENEMY_UAV, _OWN_FLAG, _ENEMY_FLAG, _WALL = range(N_TRUTH_PLANES)
 
 
-def reveal(games: Games, team: Team, is_turned: NDArray[np.bool_], planes: NDArray[np.uint8]) -> None:
+def reveal(games: BatchedGame, team: Team, is_turned: NDArray[np.bool_], planes: NDArray[np.uint8]) -> None:
     """Write the true planes of some rows.
 
     Parameters
@@ -42,8 +42,8 @@ def _reveal(state: State, team: int, first: int, last: int, flies: Any, is_turne
             if state.ground[game, cell] == _OBSTACLE:
                 there = framed(cell, side, is_turned[game])
                 board[there // side, there % side, _WALL] = ONE
-        for plane, fact in ((_OWN_FLAG, Fact.BLUE_FLAG + team), (_ENEMY_FLAG, Fact.RED_FLAG - team)):
-            there = framed(int(state.fact[game, fact]), side, is_turned[game])
+        for plane, fact in ((_OWN_FLAG, StateField.BLUE_FLAG + team), (_ENEMY_FLAG, StateField.RED_FLAG - team)):
+            there = framed(int(state.field[game, fact]), side, is_turned[game])
             board[there // side, there % side, plane] = ONE
         for unit in range(first, last):
             if state.alive[game, unit]:

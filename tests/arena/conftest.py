@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
+from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, load
-from arena.observation import Observations
+from arena.local.venue import MatchPlan, MatchRecord, play_batch
 from arena.policy import BatchFactory, BatchPolicy, Orders
-from arena.referee.local import MatchPlan, MatchRecord, play_batch
 
 SMALL_BOARD = """
 F..u

@@ -10,13 +10,16 @@ import numpy as np
 import pytest
 
 from arena.game.keys import MatchKeys
+from arena.game.observation import Observations
 from arena.game.ruleset import load, to_dict
 from arena.game.types import Action, Team
-from arena.observation import Observations
+from arena.match.effects import Ask, End, Event, Write
+from arena.match.match import Match, Phase, TimeControl
+from arena.pit import archive
+from arena.pit.archive import Archive
 from arena.policy import BatchPolicy
 from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES, decode, encode
-from arena.protocol.facts import commit, sign_fact, sign_journal, sign_receipt
 from arena.protocol.identity import Identity
 from arena.protocol.messages import (
     Commitment,
@@ -32,6 +35,7 @@ from arena.protocol.messages import (
     Turn,
     Wait,
 )
+from arena.protocol.signed import commit, sign_journal, sign_receipt, sign_statement
 from arena.records.journal import (
     CHAIN_BYTES,
     MAGIC,
@@ -43,10 +47,6 @@ from arena.records.journal import (
     write_seats,
     write_signature,
 )
-from arena.referee import archive
-from arena.referee.archive import Archive
-from arena.referee.events import Ask, End, Event, Write
-from arena.referee.match import Match, Phase, Terms
 from clients.audit import Verdict, audit, fetch
 from clients.runner import Runner
 from clients.seat import Seat
@@ -87,7 +87,7 @@ class Played:
     def __init__(self, identity: str = "pit/0/ann/bob", late: Callable[[Team, int], bool] = lambda *_: False) -> None:
         self.header = Header(identity=identity, blue="ann", red="bob", ruleset=RULES, keys=KEYS)
         self.id = match_id(identity)
-        self.match = Match(self.header, Terms(bank_s=0.0), 0.0)
+        self.match = Match(self.header, TimeControl(bank_s=0.0), 0.0)
         self.seats = {team: self._sit(team) for team in Team}
         self.now_s, self._late, self.writes = 0.0, late, b""
         self.asked: list[Ask] = []
@@ -156,7 +156,7 @@ class Played:
         start = self.match.start_record
         packed, chain = replace(self.header, keys=keys).pack(), start[-CHAIN_BYTES:]
         publics = {team: identity.public for team, identity in ENTRIES.items()}
-        commitment = sign_fact(pit, Commitment(match=self.id, digest=commit(self.id, keys))).signature
+        commitment = sign_statement(pit, Commitment(match=self.id, digest=commit(self.id, keys))).signature
         given = {team: self.receipt(team) for team in Team} if receipts is None else receipts
         n_ticks = len(self.seats[Team.BLUE].answers) * Ticks.LENGTH
         return (
@@ -453,6 +453,6 @@ def test_a_late_ending_of_a_match_that_has_ended_meanwhile_is_passed_over(played
     settings = Settings(endpoint="", pit="pit", name="ann", team="any", make=Wanderer, n_matches=1)
     runner = Runner(settings, on_seat=heard.append, on_end=heard.append, on_wait=lambda _: None)
 
-    runner._on_late_ending(runner._slots[0], sign_fact(PIT, ended))
+    runner._on_late_ending(runner._slots[0], sign_statement(PIT, ended))
 
     assert heard == []

@@ -5,7 +5,7 @@ import time
 import pytest
 
 from arena.errors import LostPitError
-from arena.transport import free_port, open_router
+from arena.network.session import free_port, open_router
 from clients.runner import MOST_UNANSWERED, TICK_S, Runner
 from clients.settings import Settings
 from policies.registry import load

@@ -14,23 +14,23 @@ from hypothesis import strategies as st
 
 from arena.errors import InputError, UnreadableError
 from arena.game.keys import MatchKeys
+from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, load, to_dict
-from arena.game.types import Ending, Team
-from arena.observation import Observations
+from arena.game.types import Team, Termination
+from arena.local.venue import MatchPlan, play_batch
+from arena.match.effects import Ask, End, Event, Write
+from arena.match.match import Match, Phase, TimeControl
 from arena.policy import BatchPolicy, MatchResult
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn, Wait
 from arena.records.journal import Header, read_journal
-from arena.referee.events import Ask, End, Event, Write
-from arena.referee.local import MatchPlan, play_batch
-from arena.referee.match import Match, Phase, Terms
-from arena.referee.replay import verify
+from arena.records.replay import verify
 from clients.seat import Seat, read_ticket
 from policies import registry
 
 PAPER = load("paper")
 SHORT = PAPER.with_({"side": 10, "tick_limit": 25})
-NO_CLOCK = Terms(turn_time_s=None)
+NO_CLOCK = TimeControl(turn_time_s=None)
 COMMITMENT = bytes(32)
 
 
@@ -197,7 +197,7 @@ def test_the_policy_hears_once_how_the_match_ended_from_its_side(team: Team, sco
     for _ in range(2):
         seat.receive(Ended(match="m", ending="tick_limit", winner="blue", score=40, ticks=100, reason=""))
 
-    result = MatchResult(ending=Ending.TICK_LIMIT, winner=Team.BLUE, score=score, ticks=100)
+    result = MatchResult(ending=Termination.TICK_LIMIT, winner=Team.BLUE, score=score, ticks=100)
     assert seat.result() == result
     assert diary.heard == [result]
     assert seat.receive(Turn(tick=0, observation=SHOWN[0])) is None

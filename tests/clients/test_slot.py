@@ -9,12 +9,14 @@ import pytest
 
 from arena.errors import ForgedError, ProtocolError, RefusedError
 from arena.game.keys import MatchKeys
+from arena.game.observation import Observations
 from arena.game.ruleset import load, to_dict
 from arena.game.types import RULES_VERSION, Team
-from arena.observation import Observations
+from arena.match.effects import Ask
+from arena.match.match import Match, TimeControl
+from arena.pit.authenticator import Authenticator
 from arena.policy import BatchPolicy
 from arena.protocol.codec import decode, encode
-from arena.protocol.facts import check_receipt, commit, sign_fact
 from arena.protocol.handshake import Attempt, new_secret
 from arena.protocol.identity import Identity
 from arena.protocol.messages import (
@@ -31,11 +33,9 @@ from arena.protocol.messages import (
     Turn,
 )
 from arena.protocol.sealing import Opener, Sealer
+from arena.protocol.signed import check_receipt, commit, sign_statement
 from arena.records.journal import Header
 from arena.records.transcript import Head
-from arena.referee.door import Door
-from arena.referee.events import Ask
-from arena.referee.match import Match, Terms
 from clients.seat import Seat
 from clients.slot import Slot
 
@@ -50,7 +50,7 @@ ENDED = Ended(match=MATCH, ending="tick_limit", winner="blue", score=3, ticks=2,
 
 def shown() -> list[bytes]:
     """Return what red is shown while nobody moves."""
-    match = Match(Header(identity="m", blue="a", red="b", ruleset=RULES, keys=KEYS), Terms(turn_time_s=None), 0.0)
+    match = Match(Header(identity="m", blue="a", red="b", ruleset=RULES, keys=KEYS), TimeControl(turn_time_s=None), 0.0)
     events = [event for team in Team for event in match.ready(team, 0.0)]
     for tick in range(2):
         events += [event for team in Team for event in match.submit(team, tick, bytes(UNITS), 0.0)]
@@ -69,7 +69,7 @@ class Pit:
     """The pit's side of a seat."""
 
     def __init__(self, identity: Identity = PIT) -> None:
-        self.identity, self.door = identity, Door("pit", identity)
+        self.identity, self.door = identity, Authenticator("pit", identity)
         self.sealer: Sealer
         self.opener: Opener
 
@@ -95,7 +95,7 @@ class Pit:
         return ticket, attempt
 
     def commit(self, match: str = MATCH, keys: MatchKeys = KEYS) -> Signed:
-        return sign_fact(self.identity, Commitment(match=match, digest=commit(match, keys)))
+        return sign_statement(self.identity, Commitment(match=match, digest=commit(match, keys)))
 
     def say(self, message: Message, tick: int = 0) -> bytes:
         return self.sealer.close(encode(message), tick)
@@ -153,7 +153,7 @@ def test_a_ticket_with_the_pit_s_commitment_is_taken(slot: Slot, pit: Pit) -> No
         encode(Pit(MAN).commit()),
         encode(replace(Pit().commit(), signature=bytes(64))),
         encode(replace(Pit().commit(), data=Pit().commit(keys=OTHER_KEYS).data)),
-        encode(sign_fact(PIT, ENDED)),
+        encode(sign_statement(PIT, ENDED)),
         encode(Ready(known_ticks=0)),
     ],
 )
@@ -254,7 +254,7 @@ def test_without_a_seat_or_a_way_to_the_pit_nothing_is_said(slot: Slot, pit: Pit
 def test_an_ending_that_the_pit_signed_is_believed_and_receipted(seated: Slot, pit: Pit, sent: list[bytes]) -> None:
     for tick in range(2):
         seated.receive(pit.turn(tick))
-    seated.receive(pit.say(sign_fact(PIT, ENDED)))
+    seated.receive(pit.say(sign_statement(PIT, ENDED)))
 
     assert seated.seat is not None
     assert seated.seat.ended == ENDED
@@ -271,13 +271,13 @@ def test_an_ending_that_the_pit_signed_is_believed_and_receipted(seated: Slot, p
     "ending",
     [
         ENDED,
-        sign_fact(MAN, ENDED),
-        sign_fact(ANN, ENDED),
-        replace(sign_fact(PIT, ENDED), signature=bytes(64)),
-        replace(sign_fact(PIT, ENDED), data=encode(replace(ENDED, winner="red"))),
-        sign_fact(PIT, replace(ENDED, match="another")),
-        sign_fact(PIT, Commitment(match=MATCH, digest=commit(MATCH, KEYS))),
-        sign_fact(PIT, replace(ENDED, ending="rapture")),
+        sign_statement(MAN, ENDED),
+        sign_statement(ANN, ENDED),
+        replace(sign_statement(PIT, ENDED), signature=bytes(64)),
+        replace(sign_statement(PIT, ENDED), data=encode(replace(ENDED, winner="red"))),
+        sign_statement(PIT, replace(ENDED, match="another")),
+        sign_statement(PIT, Commitment(match=MATCH, digest=commit(MATCH, KEYS))),
+        sign_statement(PIT, replace(ENDED, ending="rapture")),
         Signed(data=b"junk", signature=PIT.sign("fact", b"junk")),
         Signed(data=encode(ENDED), signature=PIT.sign("journal", encode(ENDED))),
     ],
@@ -297,8 +297,8 @@ def test_an_ending_that_is_not_the_pit_s_or_of_another_match_is_not_believed(
 
 
 def test_an_ending_that_comes_again_is_receipted_again(seated: Slot, pit: Pit, sent: list[bytes]) -> None:
-    seated.receive(pit.say(sign_fact(PIT, ENDED)))
-    seated.receive(pit.say(sign_fact(PIT, ENDED)))
+    seated.receive(pit.say(sign_statement(PIT, ENDED)))
+    seated.receive(pit.say(sign_statement(PIT, ENDED)))
 
     assert [type(decode(pit.opener.open(data))) for data in sent] == [Receipt, Receipt]
 
@@ -309,7 +309,7 @@ def test_what_is_not_sealed_by_the_pit_changes_nothing(seated: Slot, pit: Pit, s
         lambda: b"",
         lambda: encode(Turn(tick=0, observation=SHOWN[0])),
         lambda: genuine[:-1] + bytes([genuine[-1] ^ 1]),
-        lambda: encode(sign_fact(PIT, ENDED)),
+        lambda: encode(sign_statement(PIT, ENDED)),
     ]
     for data in tries:
         with pytest.raises(ProtocolError):

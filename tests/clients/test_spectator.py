@@ -11,23 +11,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arena.address import Address
 from arena.errors import ForgedError, InputError, ProtocolError, UnreadableError
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load, to_dict
-from arena.game.state import Fact
+from arena.game.state import StateField
 from arena.game.types import Action, Code, Team
+from arena.match.effects import End, Event, Publish, Write
+from arena.match.match import Match, Phase, TimeControl
+from arena.network.address import Address
+from arena.pit.match_session import MatchSession, PitContext
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
-from arena.protocol.facts import commit, sign_fact
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Commitment, Ended, Facts, Message, Orders, Signed, Truth
+from arena.protocol.messages import Commitment, Ended, Message, Orders, PublicState, Signed, Truth
 from arena.protocol.sealing import truth_sealer
+from arena.protocol.signed import commit, sign_statement
 from arena.records.journal import Header, match_id, read_journal
-from arena.referee.events import End, Event, Publish, Write
-from arena.referee.match import Match, Phase, Terms
-from arena.referee.replay import replay
-from arena.referee.table import House, Table
+from arena.records.replay import replay
 from clients.spectator import MOST_CLOSED, SALT_BYTES, Frame, Spectator, watch
 
 RULES = load("paper").with_({"side": 10, "tick_limit": 12})
@@ -57,10 +57,10 @@ class Show:
 
     def __init__(self, identity: Identity = PIT, spectator_key: bytes | None = KEY) -> None:
         header = Header(identity=IDENTITY, blue="ann", red="bob", ruleset=RULES, keys=KEYS)
-        match, session, self.journal = Match(header, Terms(turn_time_s=None), 0.0), Audience(), b""
-        house: Any = House(session=session, pit="pit", identity=identity, spectator_key=spectator_key)  # type: ignore[arg-type]
+        match, session, self.journal = Match(header, TimeControl(turn_time_s=None), 0.0), Audience(), b""
+        house: Any = PitContext(session=session, pit="pit", identity=identity, spectator_key=spectator_key)  # type: ignore[arg-type]
         entries = {team: Identity.make().public for team in Team}
-        self._table = Table(house, match, entries, os.open(os.devnull, os.O_WRONLY))
+        self._table = MatchSession(house, match, entries, os.open(os.devnull, os.O_WRONLY))
         self.journal, chance = match.start_record, random.Random(3)
         for team in Team:
             self._carry_out(match.ready(team, 0.0))
@@ -94,10 +94,10 @@ def games(show: Show) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, tuple[in
 
     def look() -> Iterator[Any]:
         for game in replay(read_journal(show.journal)):
-            fact, grids = game.state.fact[0], game.grids()
-            living = int(fact[Fact.BLUE_LIVING]), int(fact[Fact.RED_LIVING])
+            fact, grids = game.state.field[0], game.grids()
+            living = int(fact[StateField.BLUE_LIVING]), int(fact[StateField.RED_LIVING])
             views = [grids[team, 0].copy() for team in Team]
-            yield game.truth(0).copy(), *views, living, int(fact[Fact.SCORE])
+            yield game.truth(0).copy(), *views, living, int(fact[StateField.SCORE])
 
     return list(look())
 
@@ -220,7 +220,7 @@ def sealed(message: Message, tick: int = 0) -> bytes:
     ],
 )
 def test_a_truth_of_other_sizes_is_refused(change: Callable[[Truth], Message]) -> None:
-    match = Match(Header(identity=IDENTITY, blue="ann", red="bob", ruleset=RULES, keys=KEYS), Terms(), 0.0)
+    match = Match(Header(identity=IDENTITY, blue="ann", red="bob", ruleset=RULES, keys=KEYS), TimeControl(), 0.0)
     board, seen = match.truth()
     truth = Truth(tick=0, board=board, seen=seen)
     assert frame(spectator().hear_truth(sealed(truth))).tick == 0
@@ -234,7 +234,7 @@ def test_a_truth_of_other_sizes_is_refused(change: Callable[[Truth], Message]) -
 )
 def test_facts_of_another_number_of_teams_are_refused(show: Show, changes: dict[str, Any]) -> None:
     facts = decode(show.public[0])
-    assert isinstance(facts, Facts)
+    assert isinstance(facts, PublicState)
 
     with pytest.raises(UnreadableError, match="the facts are not of two teams"):
         spectator().hear_public(encode(replace(facts, **changes)))
@@ -246,10 +246,10 @@ def test_an_ending_that_another_signed_or_of_another_match_is_refused(show: Show
     ended = decode(signed.data)
     assert isinstance(ended, Ended)
     for forged in (
-        sign_fact(STRANGER, ended),
+        sign_statement(STRANGER, ended),
         replace(signed, signature=bytes(64)),
         replace(signed, data=encode(replace(ended, winner="red", score=-100))),
-        sign_fact(PIT, replace(ended, match="0123456789abcdef")),
+        sign_statement(PIT, replace(ended, match="0123456789abcdef")),
     ):
         with pytest.raises(ForgedError):
             spectator().hear_public(encode(forged))
@@ -264,7 +264,7 @@ def test_noise_is_refused(payload: bytes) -> None:
 
 
 def test_what_is_nothing_for_spectators_is_passed_over() -> None:
-    commitment = sign_fact(PIT, Commitment(match=MATCH, digest=commit(MATCH, KEYS)))
+    commitment = sign_statement(PIT, Commitment(match=MATCH, digest=commit(MATCH, KEYS)))
     unsigned = Ended(match=MATCH, ending="capture", winner="red", score=-100, ticks=3, reason="")
 
     for message in (commitment, unsigned, Orders(tick=0, actions=b"")):

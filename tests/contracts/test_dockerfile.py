@@ -35,7 +35,7 @@ def image(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(site), str(source)]
     subprocess.run(install, check=True, timeout=300)
     shim = tmp_path_factory.mktemp("bin") / "arena"
-    shim.write_text(f'#!/bin/sh\nexec {sys.executable} -P -c "from arena.cli import main; main()" "$@"\n')
+    shim.write_text(f'#!/bin/sh\nexec {sys.executable} -P -c "from tournaments.cli import main; main()" "$@"\n')
     shim.chmod(0o755)
     kernels = tmp_path_factory.mktemp("kernels")
     return os.environ | {

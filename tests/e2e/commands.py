@@ -16,9 +16,9 @@ import pytest
 from nursery import Born, Nursery, environment
 from typer.testing import CliRunner
 
-from arena.cli import app
+from tournaments.cli import app
 
-ARENA = "from arena.cli import main; main()"
+ARENA = "from tournaments.cli import main; main()"
 PATIENCE_S = 60.0
 """Several test processes share few cores; what is well ends long before."""
 

@@ -10,17 +10,17 @@ from typing import Any
 
 import pytest
 
-from arena.game.types import Ending
+from arena.game.types import Termination
 from arena.keyring.files import load, make
 from arena.keyring.ring import entry_key_path
+from arena.network.session import Session, open_client
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity
 from arena.protocol.messages import AdminRequest, Challenge, Done, Hello, Lobby, Refusal, Signed
 from arena.records.journal import load_journal
-from arena.referee.replay import verify
-from arena.transport import Session, open_client
+from arena.records.replay import verify
 
 Start = Callable[..., Any]
 PATIENCE_S = 60.0
@@ -174,7 +174,7 @@ def test_a_closed_pit_ends_after_the_match_that_runs(
     journal = load_journal(path)
     assert verify(journal) > 1
     assert journal.ending is not None
-    assert journal.ending.ending is not Ending.VOID
+    assert journal.ending.ending is not Termination.VOID
 
 
 def test_an_aborted_match_is_void_and_gives_nobody_a_name(serve: Start, admin: Start, match: Start, tmp_path: Path) -> None:
@@ -196,7 +196,7 @@ def test_an_aborted_match_is_void_and_gives_nobody_a_name(serve: Start, admin: S
     journal = load_journal(path)
     assert verify(journal) == 1
     assert journal.ending is not None
-    assert journal.ending.ending is Ending.VOID
+    assert journal.ending.ending is Termination.VOID
 
 
 def test_only_who_has_the_pits_key_is_obeyed_and_once(

@@ -17,11 +17,11 @@ from typing import Any
 import pytest
 
 from arena.records.journal import load_journal
-from arena.referee.replay import verify
+from arena.records.replay import verify
 
 Start = Callable[..., Any]
 PATIENCE_S = 60.0
-ARENA = [sys.executable, "-c", "from arena.cli import main; main()"]
+ARENA = [sys.executable, "-c", "from tournaments.cli import main; main()"]
 
 
 class Terminal:

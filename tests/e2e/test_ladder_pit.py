@@ -11,16 +11,16 @@ from typing import Any
 import pytest
 from commands import Command
 
-from arena.address import Address
-from arena.game.types import Ending, Team
+from arena.game.types import Team, Termination
+from arena.network.address import Address
+from arena.network.session import open_client
 from arena.policy import MatchResult
 from arena.records.journal import load_journal
-from arena.referee.replay import verify
-from arena.transport import open_client
+from arena.records.replay import verify
 from clients.lobby import ask_challenge, ask_lobby
-from tournaments.ladder_store import LadderStore
-from tournaments.schema import LADDER_MATCHES
-from tournaments.skill import Player, rank, rate
+from tournaments.ladder.ladder_store import LadderStore
+from tournaments.ladder.skill import Player, rank, rate
+from tournaments.store.schema import LADDER_MATCHES
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 ENTRIES = {"strong": "rush", "middle": "fighter", "weak": "random"}
@@ -50,8 +50,8 @@ def rate_anew(rows: list[Any]) -> list[dict[str, Any]]:
     players: dict[str, Player] = {}
     for row in rows:
         winner = None if row.winner is None else Team[row.winner.upper()]
-        result = MatchResult(ending=Ending[row.ending.upper()], winner=winner, score=0, ticks=0, reason="")
-        if result.ending is not Ending.VOID:
+        result = MatchResult(ending=Termination[row.ending.upper()], winner=winner, score=0, ticks=0, reason="")
+        if result.ending is not Termination.VOID:
             seated = {
                 Team.BLUE: players.get(row.blue, Player(key=row.blue_key, name=row.blue)),
                 Team.RED: players.get(row.red, Player(key=row.red_key, name=row.red)),

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from arena.game.types import Ending
+from arena.game.types import Termination
 from arena.records.journal import Journal, load_journal, read_journal, whole_part
-from arena.referee.replay import verify
+from arena.records.replay import verify
 
 Start = Callable[..., Any]
 SLOW_BOT = '''
@@ -90,7 +90,7 @@ def test_what_cannot_be_is_said_in_one_sentence(serve: Start, join: Start, start
     refused = {
         join("--team", "red", "--policy", "roomba"): (1, "arena: the pit says no: red is taken, by rush; try blue: it is free"),
         join("--rules", "gym-cap"): (1, "arena: the pit says no: the pit plays ruleset paper ("),
-        join(code=other_protocol + "from arena.cli import main; main()"): (1, "the other side speaks version"),
+        join(code=other_protocol + "from tournaments.cli import main; main()"): (1, "the other side speaks version"),
         start("serve", "--listen", f"tcp/127.0.0.1:{port}", "--data", tmp_path / "other"): (2, "the port is in use"),
         start("serve", "--listen", "tcp/127.0.0.1:1", "--data", tmp_path): (2, "another pit keeps its journals in "),
     }
@@ -152,7 +152,7 @@ def test_a_referee_that_was_killed_resumes_at_the_very_tick(serve: Start, join: 
     assert path.read_bytes().startswith(whole_part(begun))
     assert asked(tmp_path, blue) == list(range(len(journal.ticks)))
     assert journal.ending is not None
-    assert journal.ending.ending is not Ending.FORFEIT
+    assert journal.ending.ending is not Termination.FORFEIT
 
 
 def test_a_pit_that_is_told_to_stop_lets_its_match_end_and_sends_guests_home(serve: Start, join: Start, tmp_path: Path) -> None:
@@ -197,7 +197,7 @@ def test_a_match_whose_clients_were_both_killed_ends_by_rule(serve: Start, join:
     assert pit.finish() == 0
     (journal,) = journals(tmp_path)
     assert journal.ending is not None
-    assert (journal.ending.ending, len(journal.ticks)) == (Ending.FORFEIT, 3)
+    assert (journal.ending.ending, len(journal.ticks)) == (Termination.FORFEIT, 3)
     assert "did not come back in time" in pit.said
 
 

@@ -11,18 +11,18 @@ import pytest
 from arena.errors import LostPitError
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
 from arena.game.ruleset import load
+from arena.local.venue import MatchPlan, play
+from arena.match.match import TimeControl
+from arena.network.session import open_router
+from arena.pit.match_session import PitContext
+from arena.pit.referee import Played, Referee
+from arena.pit.seating import PlannedSeating
 from arena.protocol.identity import Identity
 from arena.records.journal import journal_name, load_journal, read_journal
-from arena.referee.local import MatchPlan, play
-from arena.referee.match import Terms
-from arena.referee.seating import PlannedSeating
-from arena.referee.service import Played, Referee
-from arena.referee.table import House
-from arena.transport import open_router
 from clients.runner import Runner
 from clients.settings import Settings
 from policies import registry
-from tournaments import cluster
+from tournaments.venues import ray_cluster as cluster
 
 PAPER = load("paper")
 SECRET = secret_from_seed(3)
@@ -51,8 +51,8 @@ def play_on_the_network(wanted: list[MatchPlan], port: int, folder: Path, n_slot
     timer.start()
     with open_router(f"tcp/127.0.0.1:{port}", "pit") as session:
         seating = PlannedSeating(wanted)
-        house = House(session=session, pit="pit", identity=Identity.make())
-        referee = Referee(house, PAPER, seating, Terms(turn_time_s=None, grace_s=PATIENCE_S), folder, on_end=played.append)
+        house = PitContext(session=session, pit="pit", identity=Identity.make())
+        referee = Referee(house, PAPER, seating, TimeControl(turn_time_s=None, grace_s=PATIENCE_S), folder, on_end=played.append)
         names = sorted({name for plan in wanted for name in (plan.blue, plan.red)})
         runners = [
             Runner(

@@ -9,7 +9,7 @@ from typing import Any
 from arena.game.types import Team
 from arena.records.journal import Journal, load_journal, match_id
 from arena.records.transcript import Transcript, load_transcript
-from arena.referee.seals import Standing, check_seals, compare
+from arena.records.verification import Standing, check_seals, compare
 
 Start = Callable[..., Any]
 Run = Callable[..., subprocess.CompletedProcess[str]]

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from arena.display.text import draw_board
 from arena.game.types import Team
 from arena.keyring.files import load_or_make_secret
 from arena.records.journal import load_journal, match_id
-from arena.referee.replay import replay
-from arena.view import draw_board
+from arena.records.replay import replay
 
 Start = Callable[..., Any]
 SIDE = 10

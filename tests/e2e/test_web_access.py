@@ -9,7 +9,7 @@ import pytest
 from chromium import browser, says, visit
 from commands import run_here
 
-from arena.transport import free_port
+from arena.network.session import free_port
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

@@ -11,10 +11,10 @@ from chromium import WIDTHS, browser, says, visit
 
 from arena.game.types import Team
 from arena.keyring.files import load_or_make_secret
+from arena.network.session import free_port
 from arena.protocol.identity import to_text
 from arena.records.journal import Journal, load_journal, match_id
-from arena.referee.replay import replay
-from arena.transport import free_port
+from arena.records.replay import replay
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

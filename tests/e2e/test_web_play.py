@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from chromium import browser, says, visit
 
-from arena.game.types import Action, Ending
+from arena.game.types import Action, Termination
+from arena.network.session import free_port
 from arena.records.journal import load_journal, match_id
 from arena.records.transcript import load_transcript
-from arena.transport import free_port
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page, WebSocketRoute
@@ -111,7 +111,7 @@ def test_a_person_plays_a_whole_match_by_clicks_and_keys_and_comes_back_to_a_los
     assert journal.header.blue == "ann"
     assert journal.header.red == "patrol"
     assert journal.ending is not None
-    assert journal.ending.ending is Ending.CAPTURE
+    assert journal.ending.ending is Termination.CAPTURE
     assert [tick.orders[0] for tick in journal.ticks[:3]] == [Action.EAST, Action.EAST, Action.SOUTH]
     assert transcript.header.match == match_id(journal.header.identity)
     page.get_by_role("link", name="Watch it").click()

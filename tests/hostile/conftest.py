@@ -18,11 +18,11 @@ from arena.errors import ForgedError
 from arena.game.types import RULES_VERSION, Team
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
-from arena.protocol.facts import read_fact
 from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Challenge, Ended, Hello, JoinRequest, Signed, Ticket, Wait
 from arena.protocol.sealing import Opener, Sealer
+from arena.protocol.signed import read_statement
 from clients.runner import Runner
 from clients.settings import Settings
 from policies import registry
@@ -115,7 +115,7 @@ class Stranger:
             message = decode(self.opener.open(data))
         except ForgedError:
             return
-        self.heard.put(read_fact(message, self.pit_key) if isinstance(message, Signed) else message)
+        self.heard.put(read_statement(message, self.pit_key) if isinstance(message, Signed) else message)
 
     def seal(self, message: Any, tick: int = 0) -> bytes:
         assert self.sealer is not None

@@ -19,20 +19,25 @@ from commands import Command
 from arena.errors import ForgedError, LostPitError
 from arena.game.keys import MatchKeys, board_key, derive_map_key, derive_match_key, seat_keys, secret_from_seed, unit_keys
 from arena.game.ruleset import load
-from arena.game.state import Fact
+from arena.game.state import StateField
 from arena.game.types import Team
 from arena.keyring.files import load_secret
+from arena.local.venue import MatchPlan
+from arena.match.match import TimeControl
+from arena.network.session import free_port, open_router
+from arena.pit.match_session import PitContext
+from arena.pit.referee import Played, Referee
+from arena.pit.seating import PlannedSeating
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
-from arena.protocol.facts import commit, read_fact, sign_receipt
 from arena.protocol.identity import Identity
 from arena.protocol.messages import (
     Commitment,
     Ended,
-    Facts,
     JournalPiece,
     JournalRequest,
     Orders,
+    PublicState,
     Ready,
     Refusal,
     Signed,
@@ -41,18 +46,13 @@ from arena.protocol.messages import (
     Turn,
     Wait,
 )
+from arena.protocol.observation_codec import timeless
 from arena.protocol.sealing import Direction, Opener, derive_key, seat_context, truth_opener
-from arena.protocol.sight import timeless
+from arena.protocol.signed import commit, read_statement, sign_receipt
 from arena.records.journal import Journal, load_journal, match_id, read_journal
+from arena.records.replay import replay
 from arena.records.transcript import Head
-from arena.referee.local import MatchPlan
-from arena.referee.match import Terms
-from arena.referee.replay import replay
-from arena.referee.seals import watch
-from arena.referee.seating import PlannedSeating
-from arena.referee.service import Played, Referee
-from arena.referee.table import House
-from arena.transport import free_port, open_router
+from arena.records.verification import watch
 from clients.runner import Runner
 from clients.settings import Settings
 from policies import registry
@@ -183,7 +183,7 @@ def evening(size: Callable[[int, int], int], tmp_path_factory: pytest.TempPathFa
         stack.enter_context(pytest.MonkeyPatch.context()).setenv("ARENA_CONFIG", str(tmp_path_factory.mktemp("config")))
 
         def start(*arguments: object) -> Command:
-            command = Command("from arena.cli import main; main()", arguments)
+            command = Command("from tournaments.cli import main; main()", arguments)
             stack.callback(command.close)
             return command
 
@@ -224,7 +224,7 @@ def tick_of(kind: str, data: bytes) -> int:
     if kind != "public":
         return read_head(data[SALT_BYTES:] if kind == "truth" else data)[1]
     message = decode(data)
-    return message.tick if isinstance(message, Facts) else -1
+    return message.tick if isinstance(message, PublicState) else -1
 
 
 def opens(opener: Opener, data: bytes) -> bool:
@@ -303,14 +303,16 @@ def test_what_everyone_is_told_is_the_names_the_tick_the_living_the_score_and_th
     for match in evening.matches:
         *facts, ending = match.on("public")
         first = decode(facts[0])
-        assert isinstance(first, Facts)
+        assert isinstance(first, PublicState)
         states = []
         for games in replay(match.journal):
-            blue, red, score = (int(games.state.fact[0][fact]) for fact in (Fact.BLUE_LIVING, Fact.RED_LIVING, Fact.SCORE))
+            blue, red, score = (
+                int(games.state.field[0][fact]) for fact in (StateField.BLUE_LIVING, StateField.RED_LIVING, StateField.SCORE)
+            )
             states.append((len(states), [blue, red], score))
         names = [match.journal.header.blue, match.journal.header.red]
         said = [
-            encode(Facts(tick=tick, names=names, living=living, score=score, commitment=first.commitment))
+            encode(PublicState(tick=tick, names=names, living=living, score=score, commitment=first.commitment))
             for tick, living, score in states[:-1]
         ]
 
@@ -318,10 +320,10 @@ def test_what_everyone_is_told_is_the_names_the_tick_the_living_the_score_and_th
         signed = decode(first.commitment)
         assert isinstance(signed, Signed)
         digest = commit(match.id, match.journal.header.keys)
-        assert read_fact(signed, evening.pit_key) == Commitment(match=match.id, digest=digest)
+        assert read_statement(signed, evening.pit_key) == Commitment(match=match.id, digest=digest)
         last = decode(ending)
         assert isinstance(last, Signed)
-        ended = read_fact(last, evening.pit_key)
+        ended = read_statement(last, evening.pit_key)
         assert isinstance(ended, Ended)
         assert match.journal.ending is not None
         assert (ended.match, ended.ending) == (match.id, match.journal.ending.ending.name.lower())
@@ -442,9 +444,9 @@ def test_the_journal_of_leg_one_is_given_when_leg_two_is_over_and_not_before(por
     is_over = threading.Event()
     given: dict[str, Any] = {}
     with open_router(f"tcp/127.0.0.1:{port}", "pit") as session:
-        house = House(session=session, pit="pit", identity=Identity.make(), spectator_key=bytes(32))
-        ruleset, terms = load("paper").with_({"tick_limit": 12}), Terms(turn_time_s=None, grace_s=PATIENCE_S)
-        referee = Referee(house, ruleset, PlannedSeating(plans), terms, tmp_path, on_end=played.append)
+        house = PitContext(session=session, pit="pit", identity=Identity.make(), spectator_key=bytes(32))
+        ruleset, time_control = load("paper").with_({"tick_limit": 12}), TimeControl(turn_time_s=None, grace_s=PATIENCE_S)
+        referee = Referee(house, ruleset, PlannedSeating(plans), time_control, tmp_path, on_end=played.append)
         runner = client(f"tcp/127.0.0.1:{port}", "patrol", "any", None)
 
         def run() -> None:
@@ -487,6 +489,6 @@ def test_the_journal_of_leg_one_is_given_when_leg_two_is_over_and_not_before(por
         signed = decode(ticket.commitment)
         assert isinstance(signed, Signed)
         digest = commit(ticket.match, journal.header.keys)
-        assert read_fact(signed, house.identity.public) == Commitment(match=ticket.match, digest=digest)
+        assert read_statement(signed, house.identity.public) == Commitment(match=ticket.match, digest=digest)
         assert journal.header.keys == plan.keys
         assert len(watch(journal)[Team.BLUE]) == len(journal.ticks) + 1

@@ -27,18 +27,18 @@ from arena.errors import ForgedError, ProtocolError
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
 from arena.game.ruleset import load, parse_overrides
 from arena.game.types import RULES_VERSION, Team
+from arena.local.venue import MatchPlan, play_batch
+from arena.pit.admission import MOST_RUNNING
+from arena.pit.authenticator import Authenticator
 from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES, decode, encode
-from arena.protocol.facts import read_fact
 from arena.protocol.handshake import Attempt, new_secret, sign_challenge
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Challenge, Ended, Hello, JoinRequest, Knock, Lobby, Message, Orders, Ready, Ticket, Turn
 from arena.protocol.sealing import Direction, Opener, Sealer, seat_context
+from arena.protocol.signed import read_statement
 from arena.records.journal import Journal, load_journal, read_journal, whole_part
-from arena.referee.door import Door
-from arena.referee.local import MatchPlan, play_batch
-from arena.referee.reception import MOST_RUNNING
-from arena.referee.replay import verify
+from arena.records.replay import verify
 from policies import registry
 
 Start = Callable[..., Any]
@@ -121,7 +121,7 @@ def test_nothing_made_of_a_sealed_message_opens_and_the_next_genuine_one_does(da
 def test_bad_messages_raise_nothing_but_protocol_errors(size: Size) -> None:
     chance = random.Random(4)
     identity, context = Identity.make(), seat_context("pit", "m", Team.BLUE, Direction.ACTION)
-    door, sealer, opener = Door("pit", identity), Sealer(bytes(32), context), Opener(bytes(32), context)
+    door, sealer, opener = Authenticator("pit", identity), Sealer(bytes(32), context), Opener(bytes(32), context)
     challenge = decode(door.challenge(0.0))
     assert isinstance(challenge, Challenge)
     request = JoinRequest(rules_version=RULES_VERSION, name="eve", team="any", client="c", slot=0)
@@ -388,7 +388,7 @@ def ask_for_seat(one: Any, **changes: Any) -> tuple[float, Any]:
 def look(one: Any, pit_key: bytes) -> Lobby:
     """Return the pit's public facts."""
     signed: Any = decode(one.query(LOBBY, b""))
-    fact = read_fact(signed, pit_key)
+    fact = read_statement(signed, pit_key)
     assert isinstance(fact, Lobby)
     return fact
 

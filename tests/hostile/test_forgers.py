@@ -16,7 +16,7 @@ from arena.protocol.codec import MOST_BYTES, encode
 from arena.protocol.messages import Ended, Orders, Ready, Turn
 from arena.protocol.sealing import Direction, Sealer, seat_context
 from arena.records.journal import Journal, load_journal
-from arena.referee.replay import verify
+from arena.records.replay import verify
 
 Start = Callable[..., Any]
 PATIENCE_S = 60.0

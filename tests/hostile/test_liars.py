@@ -12,7 +12,6 @@ import msgpack
 from arena.game.types import RULES_VERSION, Team
 from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES, decode, encode
-from arena.protocol.facts import read_fact
 from arena.protocol.identity import Identity
 from arena.protocol.messages import (
     PROTOCOL_VERSION,
@@ -28,8 +27,9 @@ from arena.protocol.messages import (
     Turn,
     Wait,
 )
+from arena.protocol.signed import read_statement
 from arena.records.journal import Mark, load_journal
-from arena.referee.replay import verify
+from arena.records.replay import verify
 
 Start = Callable[..., Any]
 PATIENCE_S = 60.0
@@ -246,7 +246,7 @@ def test_who_was_away_when_the_match_ended_is_told_how(serve: Start, play_here: 
     answer = eve.ask(match=ticket.match)
 
     assert isinstance(answer, Signed)
-    ended = read_fact(answer, eve.pit_key)
+    ended = read_statement(answer, eve.pit_key)
     assert isinstance(ended, Ended)
     assert (ended.match, ended.ticks, ended.faults["red"]["late"]) == (ticket.match, 3, 3)
     assert "tick limit after 3 ticks" in pit.said

@@ -12,19 +12,19 @@ from typing import Any
 import pytest
 import zenoh
 
-from arena.address import Address, parse_address
 from arena.errors import ForgedError, LostPitError
 from arena.game.types import Team
 from arena.keyring.files import load_or_make
 from arena.keyring.ring import entry_key_path
+from arena.network.address import Address, parse_address
+from arena.network.session import free_port
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import new_secret, sign_challenge
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Answer, Challenge, Ended, Lobby, Orders, Ready, Refusal, Signed, Ticket, Turn, Wait
 from arena.records.journal import load_journal
-from arena.referee.replay import verify
-from arena.transport import free_port
+from arena.records.replay import verify
 from clients.cli import trust
 from clients.runner import Runner
 from clients.settings import Settings

@@ -17,7 +17,7 @@ from arena.protocol import topics
 from arena.protocol.codec import decode
 from arena.protocol.messages import History, Orders, Ready, Signed, Turn
 from arena.records.journal import load_journal
-from arena.referee.replay import verify
+from arena.records.replay import verify
 
 PATIENCE_S = 60.0
 SALT_BYTES = 32
@@ -40,7 +40,7 @@ class Recorder:
         return sealed
 
 sealing.ChaCha20Poly1305 = Recorder
-from arena.cli import main
+from tournaments.cli import main
 main()
 """
 BOT = '''

@@ -13,9 +13,9 @@ import pytest
 import zenoh
 
 from arena.game.types import Team
+from arena.network.session import Session, free_port, open_client, open_router, read_key, read_payload
 from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES
-from arena.transport import Session, free_port, open_client, open_router, read_key, read_payload
 
 WAIT_S = 10.0
 OBSERVATION, ACTION = topics.observation("p", "m", Team.BLUE), topics.action("p", "m", Team.BLUE)

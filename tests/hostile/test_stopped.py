@@ -15,10 +15,10 @@ import pytest
 import zenoh
 from commands import Command
 
+from arena.network.session import free_port
 from arena.protocol import topics
 from arena.records.journal import Mark, load_journal
-from arena.referee.replay import verify
-from arena.transport import free_port
+from arena.records.replay import verify
 
 Start = Callable[..., Any]
 Size = Callable[[int, int], int]
@@ -138,10 +138,10 @@ class Pit:
         self.port, self._folder, self.config = free_port(), folder, folder / "config"
         self._told_s: dict[str, list[float]] = {}
         self._seen: set[Path] = set()
-        terms = ("--turn-time", 2, "--bank", 0, "--missed", 60, "--grace", 60)
+        time_control = ("--turn-time", 2, "--bank", 0, "--missed", 60, "--grace", 60)
         rules = ("--set", "side=64", "--set", f"tick_limit={n_ticks}", "--set", "units.ugv.attack=0")
         where = ("--listen", f"tcp/127.0.0.1:{self.port}", "--data", folder, "--seed", 7)
-        self._process = Command("from arena.cli import main; main()", ("serve", *where, *terms, *rules))
+        self._process = Command("from tournaments.cli import main; main()", ("serve", *where, *time_control, *rules))
         self._open = ExitStack()
         self._open.callback(self._process.close)
 

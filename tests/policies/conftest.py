@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from arena.cli import main
+from arena.game.observation import NO_CLOCK_MS, Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import FLAGS, HALVES, STEPS, Code, Team
-from arena.observation import NO_CLOCK_MS, Observations
 from policies.training.allocator import KEEP
+from tournaments.cli import main
 
 PADDING = 3
 """Cells past the board that mean nothing, as `Observations` allows."""

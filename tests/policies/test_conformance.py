@@ -10,11 +10,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from arena.errors import BoardError
+from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
+from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, UnitType, load
 from arena.game.types import Team
-from arena.games import Games
-from arena.observation import Observations
 from arena.policy import BatchPolicy
 from policies import registry
 
@@ -142,7 +142,7 @@ def test_no_seats_and_no_units_are_played(name: str, pretend: Any, seen_in: Any)
 
 def play_games(ruleset: Ruleset, blue: str, red: str, n_games: int, check: bool = False) -> np.ndarray:
     """Return blue's score in each game."""
-    games = Games(ruleset, n_games)
+    games = BatchedGame(ruleset, n_games)
     keys = [MatchKeys(map_key=bytes([i % 251] * 32), match_key=bytes([i % 241] * 32)) for i in range(n_games)]
     games.start(range(n_games), keys)
     fighters = {Team.BLUE: make(blue, ruleset, Team.BLUE, n_games), Team.RED: make(red, ruleset, Team.RED, n_games)}

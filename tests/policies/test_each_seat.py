@@ -4,14 +4,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from arena.game.observation import Observation
 from arena.game.ruleset import load
-from arena.game.types import Ending, Team
-from arena.observation import Observation
+from arena.game.types import Team, Termination
 from arena.policy import MatchInfo, MatchResult, read_actions
 from policies.each_seat import EachSeat, WithoutMemory
 
 PAPER = load("paper")
-RESULT = MatchResult(ending=Ending.CAPTURE, winner=Team.BLUE, score=100, ticks=9)
+RESULT = MatchResult(ending=Termination.CAPTURE, winner=Team.BLUE, score=100, ticks=9)
 
 
 @pytest.fixture(scope="module")

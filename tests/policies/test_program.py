@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from arena.errors import PolicyError
+from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load
-from arena.game.types import Ending, Team
-from arena.games import Games
+from arena.game.types import Team, Termination
 from arena.policy import BatchPolicy, MatchResult
 from policies import program, registry
 from policies.each_seat import UNREADABLE
 
 PAPER = load("paper")
-WON = MatchResult(ending=Ending.CAPTURE, winner=Team.RED, score=100, ticks=3)
+WON = MatchResult(ending=Termination.CAPTURE, winner=Team.RED, score=100, ticks=3)
 LISTEN = """
 import json, os, sys
 log = open(sys.argv[1], "a", buffering=1)
@@ -47,7 +47,7 @@ def sit(tmp_path: Path) -> Sit:
     return begin
 
 
-def ask(policy: BatchPolicy, games: Games) -> list[int]:
+def ask(policy: BatchPolicy, games: BatchedGame) -> list[int]:
     orders = np.full((1, 6), 9, np.int8)
     policy.act(games.observe()[Team.RED], orders)
     return [int(order) for order in orders[0]]
@@ -63,13 +63,13 @@ def heard(folder: Path, n_lines: int = 0) -> list[dict[str, object]]:
 
 
 @pytest.fixture
-def games() -> Games:
-    games = Games(PAPER, 1)
+def games() -> BatchedGame:
+    games = BatchedGame(PAPER, 1)
     games.start([0], [MatchKeys(map_key=bytes(32), match_key=bytes(32))])
     return games
 
 
-def test_a_program_sees_what_a_bot_sees_and_moves_its_units(sit: Sit, games: Games, tmp_path: Path) -> None:
+def test_a_program_sees_what_a_bot_sees_and_moves_its_units(sit: Sit, games: BatchedGame, tmp_path: Path) -> None:
     policy = sit("print([1, 2, 3, 4, 0, 1], flush=True)")
 
     assert ask(policy, games) == [1, 2, 3, 4, 0, 1]
@@ -84,7 +84,7 @@ def test_a_program_sees_what_a_bot_sees_and_moves_its_units(sit: Sit, games: Gam
     assert (seen["tick"], seen["seed"], seen["clock_s"]) == (0, expected.seed, None)
 
 
-def test_one_process_plays_match_after_match(sit: Sit, games: Games, tmp_path: Path) -> None:
+def test_one_process_plays_match_after_match(sit: Sit, games: BatchedGame, tmp_path: Path) -> None:
     policy = sit("print([0] * 6, flush=True)")
     for _ in range(3):
         policy.start(np.zeros(1, np.intp))
@@ -105,7 +105,7 @@ def test_one_process_plays_match_after_match(sit: Sit, games: Games, tmp_path: P
     ],
 )
 def test_a_program_that_fails_leaves_its_units_and_is_started_anew_for_the_next_match(
-    sit: Sit, games: Games, tmp_path: Path, answer: str, says: str
+    sit: Sit, games: BatchedGame, tmp_path: Path, answer: str, says: str
 ) -> None:
     policy = sit(answer)
 
@@ -122,7 +122,7 @@ def test_a_program_that_fails_leaves_its_units_and_is_started_anew_for_the_next_
 
 
 @pytest.mark.parametrize("answer", ["[0, 1]", "None", "{}", "[9] * 6", "'x'", "[[0]] * 6"])
-def test_an_answer_that_is_no_action_for_each_unit_is_counted(sit: Sit, games: Games, answer: str) -> None:
+def test_an_answer_that_is_no_action_for_each_unit_is_counted(sit: Sit, games: BatchedGame, answer: str) -> None:
     policy = sit(f"print(json.dumps({answer}), flush=True)")
 
     assert ask(policy, games) == [UNREADABLE] * 6

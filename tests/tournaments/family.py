@@ -23,7 +23,7 @@ class LeagueProcess:
         self.journals = data / "journals" / file.stem
         self.report = data / "report.json"
         self._command = [
-            sys.executable, "-c", "from arena.cli import main; main()", "tournament", "run", str(file), "--venue", venue,
+            sys.executable, "-c", "from tournaments.cli import main; main()", "tournament", "run", str(file), "--venue", venue,
             "--data", str(data), "--db", db, "--json", "--out", str(self.report),
         ]  # fmt: skip
         data.mkdir(exist_ok=True)

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys, seat_keys, secret_from_seed, unit_keys
 from arena.game.ruleset import Ruleset, load
-from arena.game.types import Ending, Team
-from arena.games import Games
+from arena.game.types import Team, Termination
+from arena.local.venue import MatchPlan, MatchRecord
 from arena.policy import Faults, MatchResult
-from arena.referee.local import MatchPlan, MatchRecord
 from tournaments.fixture import Tally, plan_fixture, tally
 
 SECRET = secret_from_seed(7)
@@ -24,7 +24,7 @@ def record(
 ) -> MatchRecord:
     """Return a match of the fixture of `a` and `b`, as it might have been played."""
     keys = MatchKeys(map_key=pair.to_bytes(32, "big"), match_key=bytes(32))
-    ending = Ending.TICK_LIMIT if winner is None else Ending.CAPTURE
+    ending = Termination.TICK_LIMIT if winner is None else Termination.CAPTURE
     return MatchRecord(
         plan=MatchPlan(identity=f"{pair}/{blue}", blue=blue, red=red, keys=keys),
         result=MatchResult(ending=ending, winner=winner, score=score, ticks=10),
@@ -39,8 +39,8 @@ def pair_of(number: int, as_blue: Team | None, as_red: Team | None) -> list[Matc
     return [record(number, "a", "b", as_blue), record(number, "b", "a", as_red)]
 
 
-def starts(plans: list[MatchPlan], ruleset: Ruleset) -> Games:
-    games = Games(ruleset, len(plans))
+def starts(plans: list[MatchPlan], ruleset: Ruleset) -> BatchedGame:
+    games = BatchedGame(ruleset, len(plans))
     games.start(range(len(plans)), [plan.keys for plan in plans])
     return games
 

@@ -8,7 +8,7 @@ from functools import partial
 
 from arena.game.keys import secret_from_seed
 from arena.game.ruleset import Ruleset
-from arena.referee.local import play
+from arena.local.venue import play
 from policies.registry import load_entry
 from tournaments.fixture import Tally, plan_fixture, tally
 

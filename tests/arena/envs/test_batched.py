@@ -4,7 +4,7 @@ import numpy as np
 
 from arena.envs.batched import BatchedEnv
 from arena.game.ruleset import load
-from arena.game.types import Ending, Team
+from arena.game.types import Team, Termination
 
 PAPER = load("paper")
 
@@ -43,7 +43,7 @@ def test_what_ended_is_told_and_begins_anew() -> None:
         turn = env.step(stay)
         ended += turn.has_ended
         if tick % 5 == 0:
-            assert (turn.ending[turn.ticks == 5] != Ending.RUNNING).all()
+            assert (turn.ending[turn.ticks == 5] != Termination.RUNNING).all()
         assert not env.games.is_over.any()
         assert (turn.ticks[~turn.has_ended] < 5).all()
     assert (ended >= 3).all()

@@ -14,20 +14,21 @@ from gymnasium.vector import VectorEnv
 from pettingzoo.test import parallel_api_test, parallel_seed_test, render_test
 from pettingzoo.utils import parallel_to_aec
 
-from arena.envs import ParallelCapture, SingleCapture, VectorCapture, parallel_env
+from arena.envs import ParallelCapture, parallel_env
 from arena.envs.episodes import SteppedError
-from arena.envs.picture import CELL_PX
+from arena.envs.render import CELL_PX
 from arena.errors import ArenaError, UnknownNameError
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load
 from arena.game.types import Action, Team
-from arena.protocol.sight import Writer, timeless
+from arena.local.venue import MatchPlan, play
+from arena.protocol.observation_codec import Writer, timeless
 from arena.records.journal import Journal, read_journal
-from arena.referee.local import MatchPlan, play
-from arena.referee.seals import watch
+from arena.records.verification import watch
+from policies.environments import make_single, make_vector
 from policies.registry import load as load_fighter
 
-ID = "arena/CaptureTheFlag-v0"
+ID = "policies.environments:arena/CaptureTheFlag-v0"
 SMALL = load("paper").with_({"side": 10, "tick_limit": 30})
 KEYS = MatchKeys(map_key=b"\x07" * 32, match_key=b"\x09" * 32)
 
@@ -76,7 +77,9 @@ def test_gymnasium_s_own_test_passes(team: str) -> None:
         check_env(gymnasium.make(ID, opponent="rush", team=team, render_mode="rgb_array").unwrapped)
 
 
-@pytest.mark.parametrize("how", [f"import arena.envs; env = gymnasium.make({ID!r})", f"env = gymnasium.make('arena.envs:{ID}')"])
+@pytest.mark.parametrize(
+    "how", ["import policies.environments; env = gymnasium.make('arena/CaptureTheFlag-v0')", f"env = gymnasium.make({ID!r})"]
+)
 def test_gymnasium_finds_it(how: str) -> None:
     code = f"import gymnasium; {how}; env.reset(seed=1); print(env.step(env.action_space.sample())[2])"
     done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=120, check=False)
@@ -112,7 +115,7 @@ def test_the_same_keys_and_orders_give_the_bytes_of_the_local_venue_and_of_the_n
 @pytest.mark.parametrize("team", list(Team))
 def test_an_opponent_plays_as_it_does_in_the_local_venue(journal: Journal, team: Team) -> None:
     opponent = (journal.header.blue, journal.header.red)[team.other]
-    env = SingleCapture(opponent, team.name.lower(), SMALL)
+    env = make_single(opponent, team.name.lower(), SMALL)
     env.reset(options={"keys": KEYS})
     total, shown = 0.0, watch(journal)
 
@@ -166,7 +169,7 @@ def test_a_unit_that_falls_leaves_and_its_team_plays_on() -> None:
 def test_rows_of_the_vector_form_play_as_the_single_one_does() -> None:
     many = gymnasium.make_vec(ID, num_envs=3, vectorization_mode="vector_entry_point", opponent="fighter", ruleset=SMALL)
     assert isinstance(many, VectorEnv)
-    rows = [SingleCapture("fighter", ruleset=SMALL) for _ in range(3)]
+    rows = [make_single("fighter", ruleset=SMALL) for _ in range(3)]
     seen, _ = many.reset(seed=11)
     alone = [env.reset(seed=11 + row)[0] for row, env in enumerate(rows)]
     rng, n_ended, is_anew = np.random.default_rng(5), 0, [False] * 3
@@ -188,7 +191,7 @@ def test_rows_of_the_vector_form_play_as_the_single_one_does() -> None:
 
 
 def test_the_outcome_is_paid_at_the_end() -> None:
-    env = SingleCapture("random", ruleset=SMALL, reward="outcome")
+    env = make_single("random", ruleset=SMALL, reward="outcome")
     for seed in range(5):
         env.reset(seed=seed)
         rewards, is_over = [], False
@@ -216,9 +219,9 @@ def test_a_picture_has_a_square_for_each_cell() -> None:
         (lambda: parallel_env("paper", reward="money"), "money"),
         (lambda: parallel_env("paper", render_mode="oil"), "oil"),
         (lambda: parallel_env("papr"), "papr"),
-        (lambda: SingleCapture("nobody"), "nobody"),
-        (lambda: SingleCapture("rush", team="green"), "green"),
-        (lambda: VectorCapture(2, reward="money"), "money"),
+        (lambda: make_single("nobody"), "nobody"),
+        (lambda: make_single("rush", team="green"), "green"),
+        (lambda: make_vector(2, reward="money"), "money"),
     ],
 )
 def test_a_wrong_name_is_said(make: Any, sentence: str) -> None:
@@ -227,7 +230,7 @@ def test_a_wrong_name_is_said(make: Any, sentence: str) -> None:
 
 
 def test_a_match_that_is_over_or_was_not_begun_is_not_stepped() -> None:
-    single, parallel, many = SingleCapture("rush", ruleset=SMALL), parallel_env(SMALL, "teams"), VectorCapture(2, ruleset=SMALL)
+    single, parallel, many = make_single("rush", ruleset=SMALL), parallel_env(SMALL, "teams"), make_vector(2, ruleset=SMALL)
     for env, actions in ((single, np.zeros(6)), (parallel, {}), (many, np.zeros((2, 6)))):
         with pytest.raises(SteppedError, match=r"call reset\(\) first"):
             env.step(actions)  # type: ignore[attr-defined]
@@ -241,7 +244,7 @@ def test_a_match_that_is_over_or_was_not_begun_is_not_stepped() -> None:
 
 @pytest.mark.parametrize("actions", [[0] * 5, [5] * 6, [-1] * 6, [0.5] * 6, ["north"] * 6, None, [[0] * 6]])
 def test_what_are_no_actions_is_refused_in_a_sentence(actions: Any) -> None:
-    env = SingleCapture("rush", ruleset=SMALL)
+    env = make_single("rush", ruleset=SMALL)
     env.reset(seed=1)
 
     with pytest.raises(SteppedError, match="the actions of blue must be 6 whole numbers from 0 to 4"):
@@ -259,7 +262,7 @@ def test_actions_of_others_or_none_are_refused(change: dict[str, Any]) -> None:
 
 
 def test_an_opponent_may_be_a_class() -> None:
-    env = SingleCapture(load_fighter("patrol"), ruleset=SMALL)
+    env = make_single(load_fighter("patrol"), ruleset=SMALL)
     env.reset(seed=1)
 
     assert env.step(np.zeros(6, np.int64))[1] == 0.0

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from arena.game.ruleset import Ruleset, UnitType
-from arena.game.types import Code, Ending, Team
+from arena.game.types import Code, Team, Termination
 
 BLUE, RED = Team.BLUE, Team.RED
 MOVE, FIGHT, BOARD = 0, 1, 2
@@ -55,7 +55,7 @@ class Match:
     keys: dict[tuple[int, Team], Key]
     """Of each purpose and team."""
     tick: int = 0
-    ending: Ending = Ending.RUNNING
+    ending: Termination = Termination.RUNNING
     winner: Team | None = None
     score: int = 0
     """Blue's."""
@@ -74,7 +74,7 @@ class Match:
 
 def play(match: Match, orders: Sequence[int]) -> None:
     """Play one tick; `orders` are of blue's units, then of red's."""
-    if match.ending is not Ending.RUNNING:
+    if match.ending is not Termination.RUNNING:
         return
     move(match, orders)
     fight(match)
@@ -179,13 +179,13 @@ def judge(match: Match) -> None:
     lost = {team: sum(not unit.alive for unit in match.units if unit.team is team) for team in Team}
     match.score = max(-100, min(100, 10 * (lost[RED] - lost[BLUE])))
     if any(captured.values()):
-        match.ending = Ending.CAPTURE
+        match.ending = Termination.CAPTURE
         match.score = 100 * captured[BLUE] - 100 * captured[RED]
     elif any(eliminated.values()):
-        match.ending = Ending.ELIMINATION
+        match.ending = Termination.ELIMINATION
         match.score = 100 * eliminated[RED] - 100 * eliminated[BLUE]
     elif match.tick == match.rules.tick_limit:
-        match.ending = Ending.TICK_LIMIT
+        match.ending = Termination.TICK_LIMIT
     else:
         return
     match.winner = BLUE if match.score > 0 else RED if match.score < 0 else None

@@ -8,18 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from worlds import SEEDS, bytes_of, copy_of, random_orders, rulesets, scatter
 
+from arena.game.engine import BatchedGame
 from arena.game.kernel import DEFAULT_SHAPE, observe, step
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset, load
 from arena.game.state import Rule
 from arena.game.types import Team
-from arena.games import Games
 
 DEFAULTS = ("paper", "gym-cap", "mirror")
 
 
-def started(rules: Ruleset, n_games: int, first: int = 0) -> Games:
-    games = Games(rules, n_games)
+def started(rules: Ruleset, n_games: int, first: int = 0) -> BatchedGame:
+    games = BatchedGame(rules, n_games)
     keys = [
         MatchKeys(map_key=bytes([1, i % 256] * 16), match_key=bytes([2, i % 256] * 16)) for i in range(first, first + n_games)
     ]
@@ -27,7 +27,7 @@ def started(rules: Ruleset, n_games: int, first: int = 0) -> Games:
     return games
 
 
-def seen(games: Games, special: bool, with_units: bool) -> bytes:
+def seen(games: BatchedGame, special: bool, with_units: bool) -> bytes:
     boards = np.zeros((2, *games.state.ground.shape), np.int8)
     observe(games.state, games.tables, boards, np.zeros((2, games.ruleset.side + 2), np.uint64), with_units, special)
     return boards.tobytes()
@@ -51,13 +51,13 @@ def test_the_path_for_the_default_board_is_the_general_one(
         step(slow.state, orders, slow.tables, np.zeros((4, 32), np.int64), False)
         assert bytes_of(fast) == bytes_of(slow)
         assert all(seen(fast, True, units) == seen(slow, False, units) for units in (True, False))
-    assert (fast.state.fact[:, 0] > 0).all()
+    assert (fast.state.field[:, 0] > 0).all()
 
 
 @given(rulesets(max_side=20), SEEDS, st.integers(1, 12))
 def test_neither_the_batch_nor_the_place_in_it_matters(rules: Ruleset, seed: int, n_games: int) -> None:
     rng = np.random.default_rng(seed)
-    games = Games(rules, n_games)
+    games = BatchedGame(rules, n_games)
     for row in range(n_games):
         scatter(games, row, rng)
     places = rng.permutation(n_games)
@@ -100,7 +100,7 @@ def test_a_game_that_is_over_does_not_move() -> None:
 
 
 def test_a_row_is_over_until_it_is_started() -> None:
-    games = Games(load("paper"), 3)
+    games = BatchedGame(load("paper"), 3)
     games.start([1], [MatchKeys(map_key=bytes(32), match_key=bytes(32))])
 
     assert games.is_over.tolist() == [True, False, True]
@@ -126,7 +126,7 @@ def test_renewed_games_go_on_by_their_own_streams(name: str) -> None:
     """Row by row, and in a batch, the same episodes; finished rows alone are drawn anew."""
     rng = np.random.default_rng(5)
     streams = rng.integers(0, 2**32, (6, 2), dtype=np.uint32)
-    together, alone = Games(load(name), 6), Games(load(name), 1)
+    together, alone = BatchedGame(load(name), 6), BatchedGame(load(name), 1)
     together.start_streams(streams)
     alone.start_streams(streams[4:5])
     renewed = 0
@@ -148,7 +148,7 @@ def test_renewed_games_go_on_by_their_own_streams(name: str) -> None:
 @pytest.mark.parametrize("name", ["paper", "exp2"])
 def test_a_turn_is_a_step_a_renewal_and_a_look(name: str) -> None:
     rng = np.random.default_rng(6)
-    at_once, in_turn = Games(load(name), 5), Games(load(name), 5)
+    at_once, in_turn = BatchedGame(load(name), 5), BatchedGame(load(name), 5)
     for games in (at_once, in_turn):
         games.start_streams(np.arange(10, dtype=np.uint32).reshape(5, 2))
     for _ in range(150):
@@ -161,7 +161,7 @@ def test_a_turn_is_a_step_a_renewal_and_a_look(name: str) -> None:
 
 
 def test_no_two_episodes_of_a_stream_are_alike() -> None:
-    games = Games(load("paper").with_({"tick_limit": 1}), 4)
+    games = BatchedGame(load("paper").with_({"tick_limit": 1}), 4)
     games.start_streams(np.arange(8, dtype=np.uint32).reshape(4, 2))
     boards, keys = set(), set()
     for _ in range(50):
@@ -184,4 +184,4 @@ def test_a_drawn_board_has_nothing_to_draw_anew() -> None:
     rules = load("paper").with_({"board": "F..f\n....\n....\nU..u"})
 
     with pytest.raises(ValueError, match="nothing to draw anew"):
-        Games(rules, 1).start_streams(np.zeros((1, 2), np.uint32))
+        BatchedGame(rules, 1).start_streams(np.zeros((1, 2), np.uint32))

@@ -6,11 +6,11 @@ from worlds import drawing, facts_of, lay, picture, rules_for
 
 from arena.errors import BoardError, RulesetError
 from arena.game.board import parse_board
+from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import from_dict, load
-from arena.game.state import Fact
+from arena.game.state import StateField
 from arena.game.types import Team
-from arena.games import Games
 
 LETTERS = """
     F . # . . .
@@ -70,7 +70,7 @@ def test_in_numbers_a_unit_stands_on_its_own_teams_land() -> None:
 @pytest.mark.parametrize("text", [LETTERS, NUMBERS])
 def test_a_match_starts_as_its_board_is_drawn(text: str) -> None:
     rules = rules_for(text)
-    games = Games(rules, 3)
+    games = BatchedGame(rules, 3)
     games.start([0, 1, 2], [MatchKeys(map_key=bytes([i] * 32), match_key=bytes([i] * 32)) for i in range(3)])
 
     for row in range(3):
@@ -79,7 +79,7 @@ def test_a_match_starts_as_its_board_is_drawn(text: str) -> None:
         assert facts["living"] == [3, 2]
         assert facts["cells"] == [(1, 0), (4, 1), (1, 1), (1, 4), (3, 4)]
         assert (facts["tick"], facts["ending"], facts["winner"], facts["score"]) == (0, 0, -1, 0)
-        assert games.state.fact[row, [Fact.BLUE_FLAG, Fact.RED_FLAG]].tolist() == [0, 29]
+        assert games.state.field[row, [StateField.BLUE_FLAG, StateField.RED_FLAG]].tolist() == [0, 29]
     assert (games.state.key[0] != games.state.key[1]).all()
 
 

@@ -11,11 +11,11 @@ from worlds import SEEDS, is_near, lay, rules_for, rulesets
 
 from arena.errors import BoardError
 from arena.game.draw import is_open
+from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys, board_key
 from arena.game.ruleset import RULESETS, Ruleset, load
-from arena.game.state import Fact
-from arena.game.types import Code, Ending, Team
-from arena.games import Games
+from arena.game.state import StateField
+from arena.game.types import Code, Team, Termination
 
 EYE = {"step": 1, "sight": 1, "flies": True, "blue": 1, "red": 1}
 
@@ -24,24 +24,24 @@ def key(number: int) -> MatchKeys:
     return MatchKeys(map_key=number.to_bytes(32, "little"), match_key=bytes(32))
 
 
-def start(rules: Ruleset, n_games: int) -> Games:
-    games = Games(rules, n_games)
+def start(rules: Ruleset, n_games: int) -> BatchedGame:
+    games = BatchedGame(rules, n_games)
     games.start(range(n_games), [key(number) for number in range(n_games)])
     return games
 
 
-def boards(games: Games) -> np.ndarray:
+def boards(games: BatchedGame) -> np.ndarray:
     side = games.ruleset.side
     return games.state.ground[:, : side * side].reshape(-1, side, side)
 
 
-def drawn(games: Games, row: int) -> oracle.Drawn:
+def drawn(games: BatchedGame, row: int) -> oracle.Drawn:
     """Read a row as the oracle writes one."""
     side, state = games.ruleset.side, games.state
     cells = [divmod(int(cell), side) for cell in state.cell[row]]
     n_blue = games.n_units[Team.BLUE]
     ground = {divmod(cell, side): int(state.ground[row, cell]) for cell in range(side * side)}
-    flags = [divmod(int(state.fact[row, Fact.BLUE_FLAG + team]), side) for team in Team]
+    flags = [divmod(int(state.field[row, StateField.BLUE_FLAG + team]), side) for team in Team]
     return oracle.Drawn(0, ground, flags, [cells[:n_blue], cells[n_blue:]])
 
 
@@ -80,7 +80,7 @@ def assert_sound(rules: Ruleset, board: oracle.Drawn) -> None:
 @given(rulesets(equal_teams=False) | rulesets(equal_teams=True), SEEDS)
 def test_a_board_is_what_the_oracle_draws(rules: Ruleset, seed: int) -> None:
     """Where the kernel finds none of a thousand, the oracle, slow at giving up, looks at some of them."""
-    games = Games(rules, 1)
+    games = BatchedGame(rules, 1)
     try:
         games.start([0], [key(seed)])
     except BoardError:
@@ -92,9 +92,14 @@ def test_a_board_is_what_the_oracle_draws(rules: Ruleset, seed: int) -> None:
     assert expected is not None
     assert (board.ground, board.flags, board.cells) == (expected.ground, expected.flags, expected.cells)
     assert games.state.alive.all()
-    fact = games.state.fact[0]
-    assert fact[[Fact.TICK, Fact.ENDING, Fact.WINNER, Fact.SCORE]].tolist() == [0, Ending.RUNNING, -1, 0]
-    assert fact[[Fact.BLUE_LIVING, Fact.RED_LIVING]].tolist() == [len(rules.team(team)) for team in Team]
+    fact = games.state.field[0]
+    assert fact[[StateField.TICK, StateField.ENDING, StateField.WINNER, StateField.SCORE]].tolist() == [
+        0,
+        Termination.RUNNING,
+        -1,
+        0,
+    ]
+    assert fact[[StateField.BLUE_LIVING, StateField.RED_LIVING]].tolist() == [len(rules.team(team)) for team in Team]
     assert_sound(rules, board)
 
 
@@ -161,7 +166,7 @@ def test_flags_and_units_lie_anywhere_on_their_half_equally_often() -> None:
     n = 12_000
     games = start(load("paper").with_({"obstacles": False, "side": 8}), n)
     is_left = np.isin(boards(games)[:, 0, 0], [Code.BLUE_HALF, Code.BLUE_FLAG])
-    things = [games.state.fact[:, Fact.BLUE_FLAG], games.state.fact[:, Fact.RED_FLAG], *games.state.cell.T]
+    things = [games.state.field[:, StateField.BLUE_FLAG], games.state.field[:, StateField.RED_FLAG], *games.state.cell.T]
     for number, cells in enumerate(things):
         is_blue = number == 0 or 2 <= number < 8
         rows, columns = np.divmod(cells, 8)
@@ -194,7 +199,7 @@ def test_obstacles_lie_anywhere() -> None:
 
 def test_a_mirror_board_favours_nobody_and_hides_its_flags_at_the_back() -> None:
     games = start(load("mirror"), 300)
-    columns = games.state.fact[:, [Fact.BLUE_FLAG, Fact.RED_FLAG]] % 20
+    columns = games.state.field[:, [StateField.BLUE_FLAG, StateField.RED_FLAG]] % 20
 
     assert (np.minimum(columns, 19 - columns) < 3).all()
     assert set(np.minimum(columns, 19 - columns).ravel().tolist()) == {0, 1, 2}
@@ -228,7 +233,7 @@ def test_boards_that_are_closed_are_drawn_again() -> None:
     ],
 )
 def test_a_ruleset_without_room_is_refused_in_one_sentence(overrides: dict[str, object]) -> None:
-    games = Games(load("paper").with_(overrides), 1)
+    games = BatchedGame(load("paper").with_(overrides), 1)
 
     with pytest.raises(BoardError) as refusal:
         games.start([0], [key(0)])
@@ -243,7 +248,7 @@ def test_a_stream_without_room_is_refused_too() -> None:
     rules = load("paper").with_({"side": 4, "obstacles": False, "units": {"ugv": {"red": 6}, "uav": {"red": 2}}})
 
     with pytest.raises(BoardError, match="none of 1000 boards had room"):
-        Games(rules, 1).start_streams(np.zeros((1, 2), np.uint32))
+        BatchedGame(rules, 1).start_streams(np.zeros((1, 2), np.uint32))
 
 
 def test_a_half_that_is_just_full_can_be_drawn() -> None:

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from worlds import is_near, lay, rules_for, scatter, to_match
 
+from arena.game.engine import BatchedGame
 from arena.game.ruleset import Ruleset, UnitType
-from arena.game.state import Fact
+from arena.game.state import StateField
 from arena.game.types import Team
-from arena.games import Games
 
 N = 40_000
 HOME_AND_AWAY = "F . . f\n. U u .\n. . . .\n. . . ."
@@ -145,7 +145,7 @@ def test_the_attackers_range_counts_not_the_own() -> None:
     for blue_has_gun in (True, False):
         gun = UnitType(name="gun", step=1, sight=3, attack=2, blue=int(blue_has_gun), red=int(not blue_has_gun))
         fist = UnitType(name="fist", step=1, sight=3, attack=1, blue=int(not blue_has_gun), red=int(blue_has_gun))
-        games = Games(Ruleset(name="arms", side=4, random_combat=True, units=(gun, fist)), 500)
+        games = BatchedGame(Ruleset(name="arms", side=4, random_combat=True, units=(gun, fist)), 500)
         for row in range(games.n_games):
             scatter(games, row, np.random.default_rng(row), n_obstacles=0, fallen=0)
             games.state.cell[row] = [5, 7]
@@ -194,5 +194,5 @@ def test_units_fight_where_they_have_moved_to() -> None:
     assert games.state.alive[0].tolist() == [1, 1]
     games.step(np.array([[3, 4]], np.int8))  # red crosses the border into blue's half
     assert games.state.alive[0].tolist() == [1, 0]
-    assert games.state.fact[0, [Fact.BLUE_LIVING, Fact.RED_LIVING]].tolist() == [1, 0]
-    assert games.state.fact[0, Fact.WINNER] == Team.BLUE
+    assert games.state.field[0, [StateField.BLUE_LIVING, StateField.RED_LIVING]].tolist() == [1, 0]
+    assert games.state.field[0, StateField.WINNER] == Team.BLUE

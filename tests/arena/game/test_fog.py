@@ -13,18 +13,18 @@ import pytest
 from hypothesis import given
 from worlds import SEEDS, bytes_of, copy_of, lay, rules_for, rulesets, scatter, to_match
 
+from arena.game.engine import BatchedGame
+from arena.game.observation import EnemyUnit, Observation, Observations
 from arena.game.ruleset import Ruleset, UnitType, load
-from arena.game.state import Fact
-from arena.game.types import FLAGS, HALVES, Code, Ending, Team
-from arena.games import Games
-from arena.observation import EnemyUnit, Observation, Observations
-from arena.protocol.sight import pack
+from arena.game.state import StateField
+from arena.game.types import FLAGS, HALVES, Code, Team, Termination
+from arena.protocol.observation_codec import pack
 
-Look = Callable[[Games, Team], tuple[Observations, Observation]]
+Look = Callable[[BatchedGame, Team], tuple[Observations, Observation]]
 """What one team is told of row 0, as a batch sees it and as a bot does."""
 
 
-def look(games: Games, team: Team) -> tuple[Observations, Observation]:
+def look(games: BatchedGame, team: Team) -> tuple[Observations, Observation]:
     batch = games.observe()[team]
     return batch.select([0]), batch.seat(0, games.ruleset)
 
@@ -33,11 +33,11 @@ def look(games: Games, team: Team) -> tuple[Observations, Observation]:
 class Moved:
     """What differs between two truths of which one team cannot tell which is the case."""
 
-    games: Games
+    games: BatchedGame
     kinds: Counter[str]
 
 
-def another_truth(games: Games, team: Team, rng: np.random.Generator) -> Moved:
+def another_truth(games: BatchedGame, team: Team, rng: np.random.Generator) -> Moved:
     """Return another state of row 0 that agrees in the team's own units, the cells in its sight, and the public facts.
 
     Changed are: where hidden enemies stand, and which have fallen; every hidden cell, flags included; where the fallen lie;
@@ -73,14 +73,16 @@ def another_truth(games: Games, team: Team, rng: np.random.Generator) -> Moved:
     state.key[:] = spare
     state.stream[:] = rng.integers(0, 2**32, state.stream.shape, dtype=np.uint32)
     other._seat_keys[team.other] = rng.integers(0, 2**32, other._seat_keys[team.other].shape, dtype=np.uint32)
-    state.fact[0, Fact.EPISODE], state.fact[0, Fact.WINNER] = rng.integers(0, 9), rng.integers(-1, 2)
+    state.field[0, StateField.EPISODE], state.field[0, StateField.WINNER] = rng.integers(0, 9), rng.integers(-1, 2)
     spoil_memory(other, rng)
 
     was, now = games.state, other.state
     hidden_before = {int(cell) for cell in was.cell[0, enemies[~in_sight]][was.alive[0, enemies[~in_sight]] == 1]}
     living_now = {int(cell) for cell in now.cell[0, enemies][now.alive[0, enemies] == 1]} - seen
     kinds["a hidden enemy"] += hidden_before != living_now
-    kinds["a hidden flag"] += any(was.fact[0, flag] != now.fact[0, flag] for flag in (Fact.BLUE_FLAG, Fact.RED_FLAG))
+    kinds["a hidden flag"] += any(
+        was.field[0, flag] != now.field[0, flag] for flag in (StateField.BLUE_FLAG, StateField.RED_FLAG)
+    )
     kinds["a hidden cell"] += bool((was.ground[0] != now.ground[0]).any())
     kinds["who has fallen"] += bool((was.alive[0] != now.alive[0]).any())
     kinds["an index in sight"] += sorted(was.cell[0, enemies[in_sight]].tolist()) != sorted(
@@ -90,21 +92,21 @@ def another_truth(games: Games, team: Team, rng: np.random.Generator) -> Moved:
     return Moved(other, kinds)
 
 
-def shake_ground(games: Games, team: Team, hidden: np.ndarray, rng: np.random.Generator) -> None:
+def shake_ground(games: BatchedGame, team: Team, hidden: np.ndarray, rng: np.random.Generator) -> None:
     """Draw every hidden cell anew: flags that were hidden stay hidden, and enough land is left to stand on."""
     state = games.state
-    hidden_flags = [flag for flag in Team if int(state.fact[0, Fact.BLUE_FLAG + flag]) in hidden]
+    hidden_flags = [flag for flag in Team if int(state.field[0, StateField.BLUE_FLAG + flag]) in hidden]
     codes = rng.choice([*HALVES, *HALVES, Code.OBSTACLE], len(hidden)).astype(np.int8)
     places = rng.permutation(len(hidden))
     n_land = len(hidden_flags) + games.n_units[team.other]
     codes[places[:n_land]] = rng.choice(HALVES, len(places[:n_land]))
     for flag, place in zip(hidden_flags, places, strict=False):
         codes[place] = FLAGS[flag]
-        state.fact[0, Fact.BLUE_FLAG + flag] = hidden[place]
+        state.field[0, StateField.BLUE_FLAG + flag] = hidden[place]
     state.ground[0, hidden] = codes
 
 
-def spoil_memory(games: Games, rng: np.random.Generator) -> None:
+def spoil_memory(games: BatchedGame, rng: np.random.Generator) -> None:
     """Leave what another game might have left in the memory that observations are written to."""
     games._boards[:] = rng.integers(-1, 9, games._boards.shape)
     games._rows[:] = rng.integers(0, 2**63, games._rows.shape)
@@ -114,7 +116,7 @@ def spoil_memory(games: Games, rng: np.random.Generator) -> None:
             array[:] = rng.integers(0, 100, array.shape)
 
 
-def assert_agree(one: Games, other: Games, team: Team) -> None:
+def assert_agree(one: BatchedGame, other: BatchedGame, team: Team) -> None:
     """The premise, as the oracle sees it: own units, cells in sight with what is on them, public facts."""
     mine, theirs = to_match(one, 0), to_match(other, 0)
     own = [[(u.index, u.cell, u.alive) for u in match.units if u.team is team] for match in (mine, theirs)]
@@ -143,9 +145,9 @@ def assert_same(one: tuple[Observations, Observation], other: tuple[Observations
     assert one[1].rng.bytes(8) == other[1].rng.bytes(8)
 
 
-def any_state(rules: Ruleset, seed: int) -> tuple[Games, Team, np.random.Generator]:
+def any_state(rules: Ruleset, seed: int) -> tuple[BatchedGame, Team, np.random.Generator]:
     rng = np.random.default_rng(seed)
-    games = Games(rules, 1)
+    games = BatchedGame(rules, 1)
     scatter(games, 0, rng, fallen=float(rng.choice([0.0, 0.3])))
     games._seat_keys[:] = rng.integers(0, 2**32, games._seat_keys.shape, dtype=np.uint32)
     return games, Team(int(rng.integers(2))), rng
@@ -206,7 +208,7 @@ def test_what_is_hidden_does_not_change_the_bytes_on_the_wire(rules: Ruleset, se
 
 
 def test_an_observation_depends_on_its_own_row_alone() -> None:
-    games = Games(load("paper"), 3)
+    games = BatchedGame(load("paper"), 3)
     rng = np.random.default_rng(2)
     for row in range(3):
         scatter(games, row, rng)
@@ -224,14 +226,14 @@ def test_an_observation_depends_on_its_own_row_alone() -> None:
 # Leaks, one through each field
 
 
-def secret(games: Games, team: Team) -> int:
+def secret(games: BatchedGame, team: Team) -> int:
     """Return a number that depends on what is hidden from a team: where its living enemies stand."""
     first = games.n_units[Team.BLUE] if team is Team.BLUE else 0
     theirs = slice(first, first + games.n_units[team.other])
     return int((games.state.cell[0, theirs] * games.state.alive[0, theirs]).sum())
 
 
-def hidden_enemy(games: Games, team: Team) -> tuple[int, int, UnitType] | None:
+def hidden_enemy(games: BatchedGame, team: Team) -> tuple[int, int, UnitType] | None:
     """Return (row, column, type) of the first living enemy out of sight."""
     match = to_match(games, 0)
     seen = oracle.sight(match, team)
@@ -239,7 +241,7 @@ def hidden_enemy(games: Games, team: Team) -> tuple[int, int, UnitType] | None:
     return next(((*unit.cell, unit.kind) for unit in unseen), None)
 
 
-def leak_ground(games: Games, team: Team, batch: Observations, seat: Observation) -> np.ndarray:
+def leak_ground(games: BatchedGame, team: Team, batch: Observations, seat: Observation) -> np.ndarray:
     """Show the first hidden cell as it is."""
     ground = seat.ground.copy()
     hidden = np.argwhere(ground == Code.HIDDEN)
@@ -249,7 +251,7 @@ def leak_ground(games: Games, team: Team, batch: Observations, seat: Observation
     return ground
 
 
-def leak_an_enemy(games: Games, team: Team, batch: Observations, seat: Observation) -> tuple[EnemyUnit, ...]:
+def leak_an_enemy(games: BatchedGame, team: Team, batch: Observations, seat: Observation) -> tuple[EnemyUnit, ...]:
     found = hidden_enemy(games, team)
     if found is None:
         return seat.enemies
@@ -257,7 +259,7 @@ def leak_an_enemy(games: Games, team: Team, batch: Observations, seat: Observati
     return tuple(sorted((*seat.enemies, EnemyUnit(row=row, column=column, type=kind.name, flies=kind.flies))))
 
 
-def by_index(games: Games, team: Team, batch: Observations, seat: Observation) -> tuple[EnemyUnit, ...]:
+def by_index(games: BatchedGame, team: Team, batch: Observations, seat: Observation) -> tuple[EnemyUnit, ...]:
     """List the enemies in sight in the order of their indices, which no team may know."""
     side, kinds = games.ruleset.side, games.ruleset.team(team.other)
     first = games.n_units[Team.BLUE] if team is Team.BLUE else 0
@@ -270,7 +272,7 @@ def by_index(games: Games, team: Team, batch: Observations, seat: Observation) -
     return tuple(listed)
 
 
-SeatLeak = Callable[[Games, Team, Observations, Observation], object]
+SeatLeak = Callable[[BatchedGame, Team, Observations, Observation], object]
 SEAT_LEAKS: dict[str, SeatLeak] = {
     "tick": lambda games, team, batch, seat: seat.tick + secret(games, team) % 2,
     "team": lambda games, team, batch, seat: Team(secret(games, team) % 2),
@@ -289,7 +291,7 @@ SEAT_LEAKS: dict[str, SeatLeak] = {
 
 @pytest.mark.parametrize("name", SEAT_LEAKS)
 def test_the_law_catches_a_leak_through(name: str) -> None:
-    def leaky(games: Games, team: Team) -> tuple[Observations, Observation]:
+    def leaky(games: BatchedGame, team: Team) -> tuple[Observations, Observation]:
         batch, seat = look(games, team)
         return batch, replace(seat, **{field: SEAT_LEAKS[name](games, team, batch, seat)})
 
@@ -298,8 +300,8 @@ def test_the_law_catches_a_leak_through(name: str) -> None:
         check_the_law(leaky, 50)
 
 
-def add_secret(field: str) -> Callable[[Games, Team, Observations], np.ndarray]:
-    def leak(games: Games, team: Team, batch: Observations) -> np.ndarray:
+def add_secret(field: str) -> Callable[[BatchedGame, Team, Observations], np.ndarray]:
+    def leak(games: BatchedGame, team: Team, batch: Observations) -> np.ndarray:
         array = np.array(getattr(batch, field))
         array.ravel()[: games.ruleset.side**2][-1:] += np.asarray(secret(games, team) % 2).astype(array.dtype)
         return array
@@ -312,7 +314,7 @@ BATCH_FIELDS = [field.name for field in fields(Observations)]
 
 @pytest.mark.parametrize("field", BATCH_FIELDS)
 def test_the_law_catches_a_leak_through_the_batch_too(field: str) -> None:
-    def leaky(games: Games, team: Team) -> tuple[Observations, Observation]:
+    def leaky(games: BatchedGame, team: Team) -> tuple[Observations, Observation]:
         batch, seat = look(games, team)
         value = {
             "team": lambda: Team(secret(games, team) % 2),
@@ -442,7 +444,7 @@ def test_enemies_in_one_cell_are_listed_by_type_whatever_their_index() -> None:
         UnitType(name="low", step=1, sight=9, flies=True, blue=1, red=1),
         UnitType(name="high", step=1, sight=9, flies=True, blue=1, red=2),
     )
-    games = Games(Ruleset(name="sky", side=4, units=kinds), 1)
+    games = BatchedGame(Ruleset(name="sky", side=4, units=kinds), 1)
     scatter(games, 0, np.random.default_rng(0), n_obstacles=0)
     games.state.cell[0] = [0, 1, 6, 6, 5]
 
@@ -463,4 +465,4 @@ def test_a_seat_keeps_what_it_was_told_when_the_game_goes_on() -> None:
     assert told.ground.tobytes() == ground
     assert told.ground.base is None
     assert not told.ground.flags.writeable
-    assert games.state.fact[0, Fact.ENDING] == Ending.RUNNING
+    assert games.state.field[0, StateField.ENDING] == Termination.RUNNING

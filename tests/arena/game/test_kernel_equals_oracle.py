@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from worlds import SEEDS, facts_of, facts_of_match, random_orders, rulesets, scatter, to_match
 
+from arena.game.engine import BatchedGame
 from arena.game.ruleset import Ruleset, UnitType
-from arena.game.types import STEPS, Code, Ending, Team
-from arena.games import Games
+from arena.game.types import STEPS, Code, Team, Termination
 
 
 @given(rulesets(), SEEDS, st.integers(1, 4))
 def test_a_tick_is_what_the_design_says(rules: Ruleset, seed: int, n_games: int) -> None:
     rng = np.random.default_rng(seed)
-    games = Games(rules, n_games)
+    games = BatchedGame(rules, n_games)
     for row in range(n_games):
         scatter(games, row, rng)
     matches = [to_match(games, row) for row in range(n_games)]
@@ -37,7 +37,7 @@ def test_in_a_crowd_everything_happens_and_as_the_design_says(size: Callable[[in
     happened: Counter[str] = Counter()
     for round_ in range(size(350, 9_000)):
         rules = crowded(rng, round_)
-        games = Games(rules, 8)
+        games = BatchedGame(rules, 8)
         for row in range(games.n_games):
             scatter(games, row, rng, n_obstacles=int(rng.integers(0, 4)))
         matches = [to_match(games, row) for row in range(games.n_games)]
@@ -47,7 +47,7 @@ def test_in_a_crowd_everything_happens_and_as_the_design_says(size: Callable[[in
             games.step(orders)
             play_and_compare(games, matches, orders)
             for match, facts, row_orders in zip(matches, before, orders.tolist(), strict=True):
-                if facts["ending"] == Ending.RUNNING:
+                if facts["ending"] == Termination.RUNNING:
                     happened["tick"] += 1
                     happened.update(what_happened(match, facts["cells"], facts["alive"], row_orders))
         assert_same_sight(games, matches)
@@ -114,7 +114,7 @@ def crowded(rng: np.random.Generator, round_: int) -> Ruleset:
     )
 
 
-def meddlesome_orders(rng: np.random.Generator, games: Games) -> np.ndarray:
+def meddlesome_orders(rng: np.random.Generator, games: BatchedGame) -> np.ndarray:
     """Orders by which units of a row wander, whirl in rings of four, or all press towards one cell."""
     orders = random_orders(rng, games)
     rows, columns = np.divmod(games.state.cell, games.ruleset.side)
@@ -128,13 +128,13 @@ def meddlesome_orders(rng: np.random.Generator, games: Games) -> np.ndarray:
     return np.where(heeds & (plan == 1), whirl, np.where(heeds & (plan == 2), press, orders)).astype(np.int8)
 
 
-def play_and_compare(games: Games, matches: list[oracle.Match], orders: np.ndarray) -> None:
+def play_and_compare(games: BatchedGame, matches: list[oracle.Match], orders: np.ndarray) -> None:
     for row, match in enumerate(matches):
         oracle.play(match, orders[row].tolist())
         assert facts_of(games, row) == facts_of_match(match), f"row {row}"
 
 
-def assert_same_sight(games: Games, matches: list[oracle.Match]) -> None:
+def assert_same_sight(games: BatchedGame, matches: list[oracle.Match]) -> None:
     """The true board, both teams' Table 2 boards, their grounds, and the enemies they can name."""
     side, n_cells = games.ruleset.side, games.ruleset.side**2
     grids, seen = games.grids(), games.observe()
@@ -200,7 +200,7 @@ def what_happened(match: oracle.Match, cells: list[oracle.Cell], alive: list[boo
         kinds.add("shared by UAVs")
     if match.rules.random_combat and match.fought:
         kinds |= {"survived" if match.units[i].alive else "fell" for i in match.fought}
-    if match.ending is not Ending.RUNNING:
+    if match.ending is not Termination.RUNNING:
         kinds |= {match.ending.name} | ({"draw"} if match.winner is None else set())
     assert all(0 <= unit.cell[0] < side and 0 <= unit.cell[1] < side for unit in match.units)
     return kinds

@@ -9,6 +9,7 @@ from cryptography.hazmat.primitives.kdf.hkdf import HKDFExpand
 from hypothesis import given
 from hypothesis import strategies as st
 
+from arena.game.engine import BatchedGame
 from arena.game.keys import (
     MatchKeys,
     board_key,
@@ -21,9 +22,8 @@ from arena.game.keys import (
     unit_keys,
 )
 from arena.game.ruleset import load
-from arena.game.state import Fact
+from arena.game.state import StateField
 from arena.game.types import Team
-from arena.games import Games
 
 KEYS = st.binary(min_size=32, max_size=32)
 LABELS = ("moves", "fights", "blue seed", "red seed", "board")
@@ -99,21 +99,21 @@ def test_legs_share_the_map_and_nothing_else() -> None:
     secret = secret_from_seed(1)
     map_key = derive_map_key(secret, "a-b", 0)
     legs = [MatchKeys(map_key=map_key, match_key=derive_match_key(secret, f"a-b-0-{leg}")) for leg in range(2)]
-    games = Games(load("paper"), 2)
+    games = BatchedGame(load("paper"), 2)
 
     games.start([0, 1], legs)
 
     state = games.state
     assert (state.ground[0] == state.ground[1]).all()
     assert (state.cell[0] == state.cell[1]).all()
-    assert (state.fact[0] == state.fact[1]).all()
+    assert (state.field[0] == state.field[1]).all()
     assert not np.intersect1d(state.key[0], state.key[1]).size
     seeds = {int(seed) for seen in games.observe().values() for seed in seen.seed}
     assert len(seeds) == 4
 
 
 def test_the_keys_of_a_match_do_not_touch_its_map_nor_those_of_a_map_its_match() -> None:
-    games = Games(load("paper"), 3)
+    games = BatchedGame(load("paper"), 3)
     keys = [MatchKeys(map_key=bytes([m] * 32), match_key=bytes([k] * 32)) for m, k in ((0, 0), (1, 0), (0, 1))]
 
     games.start([0, 1, 2], keys)
@@ -126,11 +126,11 @@ def test_the_keys_of_a_match_do_not_touch_its_map_nor_those_of_a_map_its_match()
 
 
 def test_a_seat_gets_a_fresh_seed_at_each_tick_that_no_other_seat_gets() -> None:
-    games = Games(load("paper"), 4)
+    games = BatchedGame(load("paper"), 4)
     games.start(range(4), [MatchKeys(map_key=bytes(32), match_key=bytes([k] * 32)) for k in range(4)])
     seeds = []
     for tick in range(50):
-        games.state.fact[:, Fact.TICK] = tick
+        games.state.field[:, StateField.TICK] = tick
         seeds += [int(seed) for team in Team for seed in games.observe()[team].seed]
 
     assert len(set(seeds)) == 50 * 8

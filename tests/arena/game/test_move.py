@@ -7,7 +7,7 @@ import oracle
 import pytest
 from worlds import drawing, is_near, lay, march, picture, rules_for, to_match
 
-from arena.game.state import Fact
+from arena.game.state import StateField
 from arena.game.types import Team
 
 CASES = {
@@ -324,7 +324,7 @@ def test_words_are_drawn_anew_at_each_tick() -> None:
     winners = []
     for tick in range(10):
         games.state.cell[:] = [4, 6]
-        games.state.fact[:, Fact.TICK] = tick
+        games.state.field[:, StateField.TICK] = tick
         games.step(np.tile(np.array([2, 4], np.int8), (500, 1)))
         winners.append(games.state.cell[:, 0] == 5)
 

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from worlds import SEEDS, facts_of, random_orders, rulesets, scatter
 
+from arena.game.engine import BatchedGame
 from arena.game.ruleset import Ruleset
-from arena.game.state import Fact
+from arena.game.state import StateField
 from arena.game.types import Code, Team
-from arena.games import Games
 
 EXCHANGED = np.array([1, 0, 4, 5, 2, 3, 7, 6, 8, -1], np.int8)
 """Code of the other team, by code; the last is HIDDEN, -1."""
@@ -26,22 +26,22 @@ def swap(units: NDArray[np.generic], n_blue: int) -> NDArray[np.generic]:
     return np.concatenate([units[:, n_blue:], units[:, :n_blue]], axis=1)
 
 
-def exchange(games: Games) -> Games:
+def exchange(games: BatchedGame) -> BatchedGame:
     """Return the same games with the teams exchanged."""
-    twin, n_blue = Games(exchanged_rules(games.ruleset), games.n_games), games.n_units[Team.BLUE]
+    twin, n_blue = BatchedGame(exchanged_rules(games.ruleset), games.n_games), games.n_units[Team.BLUE]
     mine, theirs = games.state, twin.state
     theirs.ground[:] = EXCHANGED[mine.ground]
     theirs.cell[:], theirs.alive[:] = swap(mine.cell, n_blue), swap(mine.alive, n_blue)
     theirs.key[:] = mine.key[:, :, ::-1]
-    theirs.fact[:] = mine.fact
-    for one, other in ((Fact.BLUE_FLAG, Fact.RED_FLAG), (Fact.BLUE_LIVING, Fact.RED_LIVING)):
-        theirs.fact[:, [one, other]] = mine.fact[:, [other, one]]
-    theirs.fact[:, Fact.SCORE] = -mine.fact[:, Fact.SCORE]
+    theirs.field[:] = mine.fact
+    for one, other in ((StateField.BLUE_FLAG, StateField.RED_FLAG), (StateField.BLUE_LIVING, StateField.RED_LIVING)):
+        theirs.field[:, [one, other]] = mine.field[:, [other, one]]
+    theirs.field[:, StateField.SCORE] = -mine.field[:, StateField.SCORE]
     twin._seat_keys[:] = games._seat_keys[::-1]
     return twin
 
 
-def assert_exchanged(one: Games, other: Games) -> None:
+def assert_exchanged(one: BatchedGame, other: BatchedGame) -> None:
     for row in range(one.n_games):
         mine, theirs = facts_of(one, row), facts_of(other, row)
         n_blue = one.n_units[Team.BLUE]
@@ -53,7 +53,7 @@ def assert_exchanged(one: Games, other: Games) -> None:
         assert (theirs["tick"], theirs["ending"]) == (mine["tick"], mine["ending"])
 
 
-def assert_same_view(one: Games, other: Games) -> None:
+def assert_same_view(one: BatchedGame, other: BatchedGame) -> None:
     """What blue sees here, red sees there."""
     assert (EXCHANGED[one.grids()] == other.grids()[::-1]).all()
     n_cells = one.ruleset.side**2
@@ -68,7 +68,7 @@ def assert_same_view(one: Games, other: Games) -> None:
 @given(rulesets(max_side=24), SEEDS)
 def test_exchanged_teams_play_the_mirrored_game(rules: Ruleset, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    games = Games(rules, 3)
+    games = BatchedGame(rules, 3)
     for row in range(games.n_games):
         scatter(games, row, rng)
     games._seat_keys[:] = rng.integers(0, 2**32, games._seat_keys.shape)
@@ -85,7 +85,7 @@ def test_exchanged_teams_play_the_mirrored_game(rules: Ruleset, seed: int) -> No
 @given(rulesets(max_side=24), SEEDS, st.sampled_from(["turned", "upside down", "left to right", "transposed"]))
 def test_the_board_has_no_preferred_direction(rules: Ruleset, seed: int, way: str) -> None:
     rng = np.random.default_rng(seed)
-    games = Games(rules, 3)
+    games = BatchedGame(rules, 3)
     for row in range(games.n_games):
         scatter(games, row, rng)
     side = rules.side
@@ -96,11 +96,13 @@ def test_the_board_has_no_preferred_direction(rules: Ruleset, seed: int, way: st
         "left to right": (rows * side + side - 1 - columns, [0, 1, 4, 3, 2]),
         "transposed": (columns * side + rows, [0, 4, 3, 2, 1]),
     }[way]
-    twin = Games(rules, games.n_games)
+    twin = BatchedGame(rules, games.n_games)
     for mine, theirs in zip(games.state, twin.state, strict=True):
         theirs[:] = mine
     twin.state.ground[:, image] = games.state.ground[:, : side * side]
-    twin.state.fact[:, [Fact.BLUE_FLAG, Fact.RED_FLAG]] = image[games.state.fact[:, [Fact.BLUE_FLAG, Fact.RED_FLAG]]]
+    twin.state.field[:, [StateField.BLUE_FLAG, StateField.RED_FLAG]] = image[
+        games.state.field[:, [StateField.BLUE_FLAG, StateField.RED_FLAG]]
+    ]
     twin.state.cell[:] = image[games.state.cell]
     for _ in range(10):
         orders = rng.integers(0, 5, games.state.cell.shape, dtype=np.int8)
@@ -108,8 +110,15 @@ def test_the_board_has_no_preferred_direction(rules: Ruleset, seed: int, way: st
         twin.step(np.array(action, np.int8)[orders])
         assert (twin.state.cell == image[games.state.cell]).all()
         assert (twin.state.alive == games.state.alive).all()
-        facts = [Fact.TICK, Fact.ENDING, Fact.WINNER, Fact.SCORE, Fact.BLUE_LIVING, Fact.RED_LIVING]
-        assert (twin.state.fact[:, facts] == games.state.fact[:, facts]).all()
+        facts = [
+            StateField.TICK,
+            StateField.ENDING,
+            StateField.WINNER,
+            StateField.SCORE,
+            StateField.BLUE_LIVING,
+            StateField.RED_LIVING,
+        ]
+        assert (twin.state.field[:, facts] == games.state.field[:, facts]).all()
     grids = games.grids().reshape(2, games.n_games, -1)
     assert (twin.grids().reshape(2, games.n_games, -1)[:, :, image] == grids).all()
 

@@ -1,6 +1,6 @@
 """Rulesets and states to test with: any that the rules allow, however unlikely, and states drawn as text.
 
-A `Games` row and an `oracle.Match` hold the same facts; `to_match` and `facts_of` carry them across.
+A `BatchedGame` row and an `oracle.Match` hold the same facts; `to_match` and `facts_of` carry them across.
 """
 
 from typing import Any
@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from arena.game.board import parse_board
+from arena.game.engine import BatchedGame, lay_out
 from arena.game.ruleset import MAX_UNITS, Ruleset, UnitType, load
-from arena.game.state import Fact
-from arena.game.types import FLAGS, HALVES, Code, Ending, Team
-from arena.games import Games, lay_out
+from arena.game.state import StateField
+from arena.game.types import FLAGS, HALVES, Code, Team, Termination
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -58,7 +58,9 @@ def rulesets(draw: st.DrawFn, max_side: int = 64, equal_teams: bool = False) -> 
     )
 
 
-def scatter(games: Games, row: int, rng: np.random.Generator, *, n_obstacles: int | None = None, fallen: float = 0.1) -> None:
+def scatter(
+    games: BatchedGame, row: int, rng: np.random.Generator, *, n_obstacles: int | None = None, fallen: float = 0.1
+) -> None:
     """Set a row to any state at all: flags, obstacles and units anywhere, some fallen, any keys, within the tick limit."""
     rules, state = games.ruleset, games.state
     side = rules.side
@@ -72,7 +74,7 @@ def scatter(games: Games, row: int, rng: np.random.Generator, *, n_obstacles: in
     state.ground[row, cells[:n_obstacles]] = Code.OBSTACLE
     for team, cell in zip(Team, cells[n_obstacles : n_obstacles + 2], strict=True):
         state.ground[row, cell] = FLAGS[team]
-        state.fact[row, Fact.BLUE_FLAG + team] = cell
+        state.field[row, StateField.BLUE_FLAG + team] = cell
     standing = rng.permutation(cells[n_obstacles:])[: walks.sum()]
     state.cell[row, walks] = standing
     state.cell[row, ~walks] = rng.integers(0, side * side, (~walks).sum())
@@ -81,18 +83,18 @@ def scatter(games: Games, row: int, rng: np.random.Generator, *, n_obstacles: in
     settle(games, row, tick=int(rng.integers(0, rules.tick_limit)))
 
 
-def settle(games: Games, row: int, tick: int) -> None:
+def settle(games: BatchedGame, row: int, tick: int) -> None:
     """Make the public facts of a row fit its units: a running game at some tick."""
-    fact, alive = games.state.fact[row], games.state.alive[row]
+    fact, alive = games.state.field[row], games.state.alive[row]
     n_blue = games.n_units[Team.BLUE]
     living = [int(alive[:n_blue].sum()), int(alive[n_blue:].sum())]
-    fact[Fact.TICK], fact[Fact.ENDING], fact[Fact.WINNER] = tick, Ending.RUNNING, -1
-    fact[Fact.BLUE_LIVING], fact[Fact.RED_LIVING] = living
+    fact[StateField.TICK], fact[StateField.ENDING], fact[StateField.WINNER] = tick, Termination.RUNNING, -1
+    fact[StateField.BLUE_LIVING], fact[StateField.RED_LIVING] = living
     lost = n_blue - living[0], games.n_units[Team.RED] - living[1]
-    fact[Fact.SCORE] = max(-100, min(100, 10 * (lost[1] - lost[0])))
+    fact[StateField.SCORE] = max(-100, min(100, 10 * (lost[1] - lost[0])))
 
 
-def to_match(games: Games, row: int) -> oracle.Match:
+def to_match(games: BatchedGame, row: int) -> oracle.Match:
     """Return the oracle's reading of a row."""
     rules, state = games.ruleset, games.state
     side = rules.side
@@ -103,24 +105,31 @@ def to_match(games: Games, row: int) -> oracle.Match:
         for (team, index, kind), cell, alive in zip(kinds, state.cell[row], state.alive[row], strict=True)
     ]
     keys = {(purpose, team): tuple(int(k) for k in state.key[row, purpose, team]) for purpose in range(2) for team in Team}
-    fact = state.fact[row]
-    winner = None if fact[Fact.WINNER] < 0 else Team(fact[Fact.WINNER])
+    fact = state.field[row]
+    winner = None if fact[StateField.WINNER] < 0 else Team(fact[StateField.WINNER])
     return oracle.Match(
-        rules, ground, units, keys, int(fact[Fact.TICK]), Ending(fact[Fact.ENDING]), winner, int(fact[Fact.SCORE])
+        rules,
+        ground,
+        units,
+        keys,
+        int(fact[StateField.TICK]),
+        Termination(fact[StateField.ENDING]),
+        winner,
+        int(fact[StateField.SCORE]),
     )
 
 
-def facts_of(games: Games, row: int) -> dict[str, Any]:
+def facts_of(games: BatchedGame, row: int) -> dict[str, Any]:
     """Return everything that a tick may change."""
-    fact, state = games.state.fact[row], games.state
+    fact, state = games.state.field[row], games.state
     return {
         "cells": [divmod(int(cell), games.ruleset.side) for cell in state.cell[row]],
         "alive": [bool(alive) for alive in state.alive[row]],
-        "tick": int(fact[Fact.TICK]),
-        "ending": int(fact[Fact.ENDING]),
-        "winner": int(fact[Fact.WINNER]),
-        "score": int(fact[Fact.SCORE]),
-        "living": [int(fact[Fact.BLUE_LIVING]), int(fact[Fact.RED_LIVING])],
+        "tick": int(fact[StateField.TICK]),
+        "ending": int(fact[StateField.ENDING]),
+        "winner": int(fact[StateField.WINNER]),
+        "score": int(fact[StateField.SCORE]),
+        "living": [int(fact[StateField.BLUE_LIVING]), int(fact[StateField.RED_LIVING])],
     }
 
 
@@ -136,21 +145,21 @@ def facts_of_match(match: oracle.Match) -> dict[str, Any]:
     }
 
 
-def copy_of(games: Games, rows: Any = slice(None)) -> Games:
+def copy_of(games: BatchedGame, rows: Any = slice(None)) -> BatchedGame:
     """Return games of their own in the same states."""
     state = type(games.state)(*(array[rows].copy() for array in games.state))
-    twin = Games(games.ruleset, len(state.cell))
+    twin = BatchedGame(games.ruleset, len(state.cell))
     for mine, theirs in zip(twin.state, state, strict=True):
         mine[:] = theirs
     twin._seat_keys[:] = games._seat_keys[:, rows]
     return twin
 
 
-def bytes_of(games: Games) -> list[bytes]:
+def bytes_of(games: BatchedGame) -> list[bytes]:
     return [array.tobytes() for array in games.state]
 
 
-def random_orders(rng: np.random.Generator, games: Games) -> NDArray[np.int8]:
+def random_orders(rng: np.random.Generator, games: BatchedGame) -> NDArray[np.int8]:
     """Orders that mostly move, and now and then are no order at all."""
     shape = games.state.cell.shape
     orders = rng.integers(0, 5, shape, dtype=np.int8)
@@ -167,9 +176,9 @@ def rules_for(board: str, base: str = "paper", **overrides: Any) -> Ruleset:
     return load(base).with_({"board": board, "units": units, **overrides})
 
 
-def lay(rules: Ruleset, n_games: int = 1, seed: int = 0) -> Games:
+def lay(rules: Ruleset, n_games: int = 1, seed: int = 0) -> BatchedGame:
     """Return games at the start of the ruleset's board, each with keys of its own."""
-    games = Games(rules, n_games)
+    games = BatchedGame(rules, n_games)
     board = parse_board(str(rules.board))
     lay_out(games.state, games.tables, 0, board, rules)
     for array in games.state:
@@ -181,7 +190,7 @@ def lay(rules: Ruleset, n_games: int = 1, seed: int = 0) -> Games:
 ARROWS = {"^": 1, ">": 2, "v": 3, "<": 4}
 
 
-def march(drawn: str, n_games: int = 1, seed: int = 0, **overrides: Any) -> tuple[Games, list[str]]:
+def march(drawn: str, n_games: int = 1, seed: int = 0, **overrides: Any) -> tuple[BatchedGame, list[str]]:
     """Play one tick of a board on which arrows are blue UGVs and their orders, U and u stay, and nobody hits anybody."""
     board = "".join("U" if c in ARROWS else c for c in drawn)
     rules = rules_for(board, ugv={"attack": 0}, **overrides)
@@ -193,7 +202,7 @@ def march(drawn: str, n_games: int = 1, seed: int = 0, **overrides: Any) -> tupl
     return games, [picture(games, row) for row in range(n_games)]
 
 
-def picture(games: Games, row: int = 0) -> str:
+def picture(games: BatchedGame, row: int = 0) -> str:
     """Return a row as text: what lies there, and above it the living units."""
     side = games.ruleset.side
     letters = {Code.OBSTACLE: "#", Code.BLUE_FLAG: "F", Code.RED_FLAG: "f"}

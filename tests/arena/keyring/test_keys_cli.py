@@ -4,18 +4,17 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-import arena.cli
 from arena.errors import InputError
 from arena.keyring.cli import complete_entry, complete_pit
 from arena.keyring.files import load
 from arena.keyring.known_pits import check_pit, known_pits
 from arena.keyring.ring import config_folder, entry_key_path, list_entries
+from tournaments.cli import main
 
 Run = Callable[..., SimpleNamespace]
 PIT, PUBLIC = "127.0.0.1:7447/pit", bytes(range(32))
@@ -29,19 +28,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run `arena keys ...`, whether or not an entry point names it yet."""
-
-    def found(**wanted: str) -> list[EntryPoint]:
-        if wanted["group"] != "arena.commands":
-            return list(entry_points(**wanted))
-        return [EntryPoint("keys", "arena.keyring.cli:keys", "arena.commands")]
+    """Run `arena keys ...`."""
 
     def run(*arguments: str) -> SimpleNamespace:
-        monkeypatch.setattr(arena.cli, "entry_points", found)
         monkeypatch.setattr(sys, "argv", ["arena", "keys", *arguments])
         capsys.readouterr()
         with pytest.raises(SystemExit) as ending:
-            arena.cli.main()
+            main()
         said = capsys.readouterr()
         return SimpleNamespace(code=ending.value.code, out=said.out, err=said.err)
 

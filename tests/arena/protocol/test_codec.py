@@ -201,7 +201,7 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
         "Commitment",
         "Ended",
         "Receipt",
-        "Facts",
+        "PublicState",
         "Truth",
         "JournalRequest",
         "JournalPiece",

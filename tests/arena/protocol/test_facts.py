@@ -12,18 +12,18 @@ from arena.errors import ForgedError, ProtocolError
 from arena.game.keys import MatchKeys
 from arena.game.types import Team
 from arena.protocol.codec import decode, encode
-from arena.protocol.facts import (
+from arena.protocol.identity import Identity
+from arena.protocol.messages import Commitment, Ended, Lobby, Orders, Signed
+from arena.protocol.signed import (
     Fact,
     check_journal,
     check_receipt,
     commit,
-    read_fact,
-    sign_fact,
+    read_statement,
     sign_journal,
     sign_receipt,
+    sign_statement,
 )
-from arena.protocol.identity import Identity
-from arena.protocol.messages import Commitment, Ended, Lobby, Orders, Signed
 
 PIT = Identity(Ed25519PrivateKey.from_private_bytes(bytes(range(32))))
 ANN = Identity(Ed25519PrivateKey.from_private_bytes(bytes(range(32, 64))))
@@ -63,47 +63,47 @@ def test_a_commitment_is_of_one_match_and_its_two_keys(match: str, keys: MatchKe
 
 @pytest.mark.parametrize("fact", FACTS)
 def test_a_fact_is_signed_with_plain_ed25519_under_its_label(fact: Fact) -> None:
-    signed = sign_fact(PIT, fact)
+    signed = sign_statement(PIT, fact)
 
     assert decode(signed.data) == fact
     plain_verify(PIT, b"arena fact\x00" + signed.data, signed.signature)
-    assert read_fact(signed, PIT.public) == fact
+    assert read_statement(signed, PIT.public) == fact
 
 
 @pytest.mark.parametrize("fact", FACTS)
 def test_a_fact_that_another_signed_is_refused(fact: Fact) -> None:
     with pytest.raises(ForgedError):
-        read_fact(sign_fact(ANN, fact), PIT.public)
+        read_statement(sign_statement(ANN, fact), PIT.public)
 
 
 def test_the_signature_of_one_fact_holds_for_no_other() -> None:
     won, lost = FACTS[1], replace(FACTS[1], winner="RED")
 
     with pytest.raises(ForgedError):
-        read_fact(replace(sign_fact(PIT, won), data=encode(lost)), PIT.public)
+        read_statement(replace(sign_statement(PIT, won), data=encode(lost)), PIT.public)
 
 
 @given(st.sampled_from(FACTS), st.booleans(), st.integers(0), st.integers(1, 255))
 def test_a_fact_that_was_changed_is_refused(fact: Fact, is_data: bool, at: int, change: int) -> None:
     name = "data" if is_data else "signature"
-    signed = sign_fact(PIT, fact)
+    signed = sign_statement(PIT, fact)
     changed = bytearray(getattr(signed, name))
     changed[at % len(changed)] ^= change
 
     with pytest.raises(ForgedError):
-        read_fact(replace(signed, **{name: bytes(changed)}), PIT.public)
+        read_statement(replace(signed, **{name: bytes(changed)}), PIT.public)
 
 
 def test_a_message_that_is_no_fact_is_none_though_the_pit_signed_it() -> None:
     data = encode(Orders(tick=1, actions=b""))
 
     with pytest.raises(ForgedError, match="no fact"):
-        read_fact(Signed(data=data, signature=PIT.sign("fact", data)), PIT.public)
+        read_statement(Signed(data=data, signature=PIT.sign("fact", data)), PIT.public)
 
 
 def test_a_signed_thing_that_is_no_message_is_unreadable() -> None:
     with pytest.raises(ProtocolError):
-        read_fact(Signed(data=b"nothing", signature=PIT.sign("fact", b"nothing")), PIT.public)
+        read_statement(Signed(data=b"nothing", signature=PIT.sign("fact", b"nothing")), PIT.public)
 
 
 @pytest.mark.parametrize("label", ["request", "receipt", "journal", "challenge"])
@@ -111,7 +111,7 @@ def test_what_was_signed_as_something_else_is_no_fact(label: str) -> None:
     data = encode(FACTS[0])
 
     with pytest.raises(ForgedError):
-        read_fact(Signed(data=data, signature=PIT.sign(label, data)), PIT.public)
+        read_statement(Signed(data=data, signature=PIT.sign(label, data)), PIT.public)
 
 
 @pytest.mark.parametrize("team", Team)

@@ -8,18 +8,18 @@ from hypothesis import strategies as st
 from worlds import SEEDS, rulesets, scatter
 
 from arena.errors import UnreadableError
+from arena.game.engine import BatchedGame
+from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team
-from arena.games import Games
-from arena.observation import Observations
-from arena.protocol.sight import Writer, pack, unpack
+from arena.protocol.observation_codec import Writer, pack, unpack
 
 PAPER = load("paper")
 CLOCKS = st.none() | st.floats(0, 1e9, allow_nan=False)
 
 
-def any_game(rules: Ruleset, seed: int) -> Games:
-    games = Games(rules, 1)
+def any_game(rules: Ruleset, seed: int) -> BatchedGame:
+    games = BatchedGame(rules, 1)
     scatter(games, 0, np.random.default_rng(seed))
     return games
 
@@ -59,7 +59,7 @@ def test_observations_of_whole_games_come_back_as_they_were(size: Callable[[int,
     rng = np.random.default_rng(5)
     for name in ("paper", "gym-cap", "exp1", "mirror"):
         rules = load(name)
-        games = Games(rules, 3)
+        games = BatchedGame(rules, 3)
         for row in range(3):
             scatter(games, row, rng)
         for _ in range(size(30, 300)):

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from arena.errors import InputError, JournalError
 from arena.game.ruleset import RULESETS, Ruleset, load
-from arena.game.types import RULES_VERSION, Ending, Team
+from arena.game.types import RULES_VERSION, Team, Termination
+from arena.local.venue import MatchRecord
 from arena.policy import MatchResult
 from arena.records.journal import (
     CHAIN_BYTES,
@@ -28,8 +29,7 @@ from arena.records.journal import (
     save_journal,
     write_ending,
 )
-from arena.referee.local import MatchRecord
-from arena.referee.replay import BrokenChainError, verify
+from arena.records.replay import BrokenChainError, verify
 
 texts = st.text(st.characters(exclude_categories=["Cs"]))
 Change = Callable[[dict[str, Any]], object]
@@ -385,8 +385,8 @@ def test_journals_of_a_folder_come_by_name(tmp_path: Path, small_journal: bytes)
 
 
 def test_a_result_is_kept_whole() -> None:
-    result = MatchResult(ending=Ending.FORFEIT, winner=Team.RED, score=-100, ticks=0, reason="blue vanished")
+    result = MatchResult(ending=Termination.FORFEIT, winner=Team.RED, score=-100, ticks=0, reason="blue vanished")
 
     assert write_ending(bytes(32), result) != write_ending(
-        bytes(32), MatchResult(ending=Ending.FORFEIT, winner=Team.RED, score=-100, ticks=0, reason="blue was late")
+        bytes(32), MatchResult(ending=Termination.FORFEIT, winner=Team.RED, score=-100, ticks=0, reason="blue was late")
     )

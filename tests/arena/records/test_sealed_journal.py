@@ -9,9 +9,9 @@ import pytest
 
 from arena.errors import JournalError
 from arena.game.types import Team
-from arena.protocol.facts import commit, sign_fact, sign_journal, sign_receipt
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Receipt
+from arena.protocol.signed import commit, sign_journal, sign_receipt, sign_statement
 from arena.records.journal import (
     CHAIN_BYTES,
     MAGIC,
@@ -25,9 +25,9 @@ from arena.records.journal import (
     write_seats,
     write_signature,
 )
+from arena.records.replay import BrokenChainError
 from arena.records.transcript import Head
-from arena.referee.replay import BrokenChainError
-from arena.referee.seals import Standing, check_seals, watch
+from arena.records.verification import Standing, check_seals, watch
 
 PIT = Identity.make()
 ENTRIES = {team: Identity.make() for team in Team}
@@ -66,7 +66,7 @@ def sealed(small_journal: bytes) -> Sealed:
     assert plain.ending is not None
     assert plain.ending_chain is not None
     match = match_id(plain.header.identity)
-    commitment = sign_fact(PIT, Commitment(match=match, digest=commit(match, plain.header.keys))).signature
+    commitment = sign_statement(PIT, Commitment(match=match, digest=commit(match, plain.header.keys))).signature
     signature = sign_journal(PIT, plain.ending_chain)
     receipts = {team: receipt_of(match, team, watch(plain)[team][:-1]) for team in Team}
     begin = len(MAGIC) + 5 + len(plain.header.pack()) + CHAIN_BYTES

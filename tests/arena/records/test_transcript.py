@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from worlds import SEEDS, lay, random_orders, rules_for, rulesets, scatter, settle
 
 from arena.errors import InputError, JournalError
+from arena.game.engine import BatchedGame
+from arena.game.observation import NO_CLOCK_MS
 from arena.game.ruleset import Ruleset
-from arena.game.types import Ending, Team
-from arena.games import Games
-from arena.observation import NO_CLOCK_MS
+from arena.game.types import Team, Termination
 from arena.policy import MatchResult
-from arena.protocol.sight import Writer, timeless, unpack
+from arena.protocol.observation_codec import Writer, timeless, unpack
 from arena.records.transcript import (
     HEAD_BYTES,
     MAGIC,
@@ -37,10 +37,10 @@ from arena.records.transcript import (
 Ticks = list[tuple[bytes, bytes]]
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
 SMALL = rules_for("F..u\nU...\n..A.\na..f\n")
-RESULT = MatchResult(ending=Ending.CAPTURE, winner=Team.RED, score=-100, ticks=4)
+RESULT = MatchResult(ending=Termination.CAPTURE, winner=Team.RED, score=-100, ticks=4)
 RESULTS = st.builds(
     MatchResult,
-    ending=st.sampled_from(Ending),
+    ending=st.sampled_from(Termination),
     winner=st.none() | st.sampled_from(Team),
     score=st.integers(-100, 100),
     ticks=st.integers(0, 1000),
@@ -56,7 +56,7 @@ def header_of(rules: Ruleset, team: Team, **changes: Any) -> TranscriptHeader:
     return replace(header, **changes)
 
 
-def play(games: Games, team: Team, rng: np.random.Generator, n_ticks: int, bank_s: float | None = None) -> Ticks:
+def play(games: BatchedGame, team: Team, rng: np.random.Generator, n_ticks: int, bank_s: float | None = None) -> Ticks:
     """Play at random, and return what one team was shown and what it ordered."""
     writer, ticks = Writer(games.observe()[team], 0), []
     first = games.n_units[Team.BLUE] if team is Team.RED else 0
@@ -70,7 +70,7 @@ def play(games: Games, team: Team, rng: np.random.Generator, n_ticks: int, bank_
 
 
 def any_ticks(rules: Ruleset, team: Team, seed: int, n_ticks: int, bank_s: float | None = None) -> Ticks:
-    games, rng = Games(rules, 1), np.random.default_rng(seed)
+    games, rng = BatchedGame(rules, 1), np.random.default_rng(seed)
     scatter(games, 0, rng)
     settle(games, 0, tick=0)
     return play(games, team, rng, n_ticks, bank_s)

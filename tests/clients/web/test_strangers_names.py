@@ -9,9 +9,9 @@ import pytest
 import uvicorn
 from chromium import browser, visit
 
-from arena.address import Address
 from arena.errors import ArenaError
 from arena.game.ruleset import load, to_dict
+from arena.network.address import Address
 from arena.protocol.messages import Lobby
 from clients.web.pit import PitClient
 from clients.web.server import WebSettings, listen, make_app

@@ -1,0 +1,221 @@
+"""The rules as a thing to hold: a batch of games that is started, stepped and observed.
+
+The local venue, the networked referee, the environments and the replay all play through this class, so that there is one
+`step` and one `observe`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arena.errors import BoardError
+from arena.game.board import Board, parse_board
+from arena.game.draw import MAX_ATTEMPTS, begin
+from arena.game.kernel import draw_boards, observe, play, renew, sense, step, turn
+from arena.game.keys import KEY_BYTES, MatchKeys, board_key, seat_keys, unit_keys
+from arena.game.observation import NO_CLOCK_MS, Observations
+from arena.game.ruleset import Ruleset
+from arena.game.state import State, StateField, Tables, Trait, make_seen, make_state, make_tables
+from arena.game.types import FLAGS, UAVS, UGVS, Team, Termination
+from arena.jit import bind
+
+WORK_SHAPE = (4, 32)
+_ENDING, _N_DIGESTED = int(StateField.ENDING), int(StateField.SCORE) + 1
+
+
+def warm(ruleset: Ruleset) -> None:
+    """Compile, or load, all that a match needs, before anybody waits for it."""
+    games = BatchedGame(ruleset, 1)
+    games.start([0], [MatchKeys(map_key=bytes(KEY_BYTES), match_key=bytes(KEY_BYTES))])
+    games.observe()
+    games.play(np.zeros(games.state.cell.shape, np.int8))
+
+
+@lru_cache(maxsize=64)
+def tables_of(ruleset: Ruleset) -> Tables:
+    """Return the tables of a ruleset, made once."""
+    return make_tables(ruleset)
+
+
+class BatchedGame:
+    """A batch of games under one ruleset; row i of every array is game i. A row is empty until `start`."""
+
+    def __init__(self, ruleset: Ruleset, n_games: int) -> None:
+        self.ruleset = ruleset
+        self.n_games = n_games
+        self.state: State = make_state(ruleset, n_games)
+        self.state.field[:, StateField.ENDING] = Termination.TICK_LIMIT
+        self.tables = tables_of(ruleset)
+        self.n_units = {team: len(ruleset.team(team)) for team in Team}
+        self._board = parse_board(ruleset.board) if ruleset.board is not None else None
+        self._orders = np.zeros(self.state.cell.shape, np.int8)
+        self._work = np.zeros(WORK_SHAPE, np.int64)
+        self._rows = np.zeros((2, ruleset.side + 2), np.uint64)
+        self._boards = np.zeros((2, n_games, self.state.ground.shape[1]), np.int8)
+        self._seat_keys = np.zeros((2, n_games, 2), np.uint32)
+        self._told = [make_seen(n_games, self.n_units[team.other]) for team in Team]
+        self._seen = {team: self._make_observations(team) for team in Team}
+        self._unfogged: BatchedGame | None = None
+
+    def start(self, games: Sequence[int] | NDArray[np.intp], keys: Sequence[MatchKeys]) -> None:
+        """Lay out new games in some rows.
+
+        Raises
+        ------
+        BoardError
+            No board could be drawn on which every walking unit reaches the enemy flag.
+        """
+        rows = np.asarray(games, np.int64)
+        for row, key in zip(rows, keys, strict=True):
+            self.state.key[row] = unit_keys(key.match_key)
+            self._seat_keys[:, row] = seat_keys(key.match_key)
+        if self._board is not None:
+            for row in rows:
+                lay_out(self.state, self.tables, int(row), self._board, self.ruleset)
+            return
+        map_keys = np.array([board_key(key.map_key) for key in keys], np.uint32).reshape(len(rows), 2)
+        if draw_boards(self.state, self.tables, rows, map_keys, self._rows) >= 0:
+            raise _no_board(self.ruleset)
+
+    def start_streams(self, keys: NDArray[np.uint32]) -> None:
+        """Start a game in every row, with keys from the row's stream; shape (n, 2). For training: `renew` goes on with it."""
+        if self._board is not None:
+            raise ValueError("a ruleset with a board of its own has nothing to draw anew")
+        self.state.stream[:] = keys
+        self.state.field[:, StateField.EPISODE] = -1
+        self.state.field[:, StateField.ENDING] = Termination.TICK_LIMIT
+        self.renew()
+
+    def renew(self) -> int:
+        """Draw every finished game anew; return how many there were."""
+        renewed = renew(self.state, self.tables, self._rows)
+        if renewed < 0:
+            raise _no_board(self.ruleset)
+        return renewed
+
+    def turn(self, orders: NDArray[np.int8]) -> NDArray[np.int8]:
+        """Step, draw finished games anew and return both teams' Table 2 boards, in one call.
+
+        The boards stand in memory that the next call overwrites.
+
+        Returns
+        -------
+        ndarray
+            int8, shape (2 teams, n_games, stride), cells row by row.
+        """
+        if turn(self.state, orders, self.tables, self._work, self._rows, self._boards) < 0:
+            raise _no_board(self.ruleset)
+        return self._boards
+
+    def step(self, orders: NDArray[np.int8]) -> None:
+        """Play one tick of every running game.
+
+        Parameters
+        ----------
+        orders
+            int8, shape (n_games, units), blue's units first; any number that is no `Action` means to stay.
+        """
+        if orders.shape != self.state.cell.shape or orders.dtype != np.int8:
+            raise ValueError(f"orders must be int8 of shape {self.state.cell.shape}, not {orders.dtype} of {orders.shape}")
+        step(self.state, orders, self.tables, self._work, True)
+
+    def play(self, orders: NDArray[np.int8]) -> dict[Team, Observations]:
+        """Step and observe, in one call."""
+        self._orders[:] = orders
+        self._play()
+        return self._seen
+
+    @cached_property
+    def _play(self) -> Callable[[], None]:
+        scratch = self._work, self._seat_keys, self._boards, self._rows
+        return bind(play, self.state, self._orders, self.tables, *scratch, *self._told)
+
+    def observe(self) -> dict[Team, Observations]:
+        """Return what each team sees now, in memory that the next call overwrites; no clock runs, unless the caller sets it."""
+        sense(self.state, self.tables, self._seat_keys, self._boards, self._rows, *self._told)
+        return self._seen
+
+    def observe_without_fog(self) -> dict[Team, Observations]:
+        """Return what each team would see without the fog, in memory of its own: for the local venue's cheats."""
+        if self._unfogged is None:
+            unfogged = BatchedGame(replace(self.ruleset, fog=False), self.n_games)
+            unfogged.state, unfogged._seat_keys = self.state, self._seat_keys
+            unfogged._seen = {team: unfogged._make_observations(team) for team in Team}
+            self._unfogged = unfogged
+        return self._unfogged.observe()
+
+    def grids(self) -> NDArray[np.int8]:
+        """Return both teams' Table 2 boards; int8, shape (2 teams, n_games, side, side), freshly made."""
+        boards = np.zeros_like(self._boards)
+        observe(self.state, self.tables, boards, self._rows, True, True)
+        side = self.ruleset.side
+        return boards[:, :, : side * side].reshape(2, self.n_games, side, side)
+
+    def truth(self, game: int) -> NDArray[np.int8]:
+        """Return one game's true board in the codes of Table 2, for those who may see it; int8, shape (side, side)."""
+        side = self.ruleset.side
+        board = self.state.ground[game, : side * side].copy()
+        first_red = self.n_units[Team.BLUE]
+        for flies, codes in ((1, UAVS), (0, UGVS)):
+            for unit, cell in reversed(list(enumerate(self.state.cell[game].tolist()))):
+                if self.state.alive[game, unit] and self.tables.unit[unit, Trait.FLIES] == flies:
+                    board[cell] = codes[unit >= first_red]
+        return board.reshape(side, side)
+
+    @property
+    def is_over(self) -> NDArray[np.bool_]:
+        """Which rows hold no running game; shape (n_games,)."""
+        over: NDArray[np.bool_] = self.state.field[:, StateField.ENDING] != Termination.RUNNING
+        return over
+
+    def has_ended(self, game: int) -> bool:
+        """Whether one row holds no running game."""
+        return bool(self.state.field[game, _ENDING])
+
+    def digestible_views(self, game: int) -> list[memoryview]:
+        """Return views of the memory that one row of `digestible` comes from: joined, they are its bytes at any time."""
+        parts = self.state.field[game, :_N_DIGESTED], self.state.cell[game], self.state.alive[game]
+        return [part.view(np.uint8).data for part in parts]
+
+    def digestible(self) -> NDArray[np.uint8]:
+        """Return the bytes of each true state that change from tick to tick; shape (n_games, bytes), freshly made."""
+        facts = np.ascontiguousarray(self.state.field[:, :_N_DIGESTED], "<i4").view(np.uint8)
+        cells = self.state.cell.astype("<i2", copy=False).view(np.uint8)
+        return np.concatenate([facts, cells, self.state.alive], axis=1)
+
+    def _make_observations(self, team: Team) -> Observations:
+        first = self.n_units[Team.BLUE] if team is Team.RED else 0
+        own = slice(first, first + self.n_units[team])
+        return Observations(
+            team=team,
+            side=self.ruleset.side,
+            ground=self._boards[team],
+            cell=self.state.cell[:, own],
+            alive=self.state.alive[:, own],
+            clock_ms=np.full(self.n_games, NO_CLOCK_MS, np.uint32),
+            **self._told[team]._asdict(),
+        )
+
+
+def lay_out(state: State, tables: Tables, game: int, board: Board, ruleset: Ruleset) -> None:
+    """Set one game to the start of a given board, whose units are those of the ruleset."""
+    side = board.side
+    state.ground[game, : side * side] = board.ground.ravel()
+    unit = 0
+    for team in Team:
+        state.field[game, StateField.BLUE_FLAG + team] = int(np.flatnonzero(board.ground == FLAGS[team])[0])
+        for row, column in (*board.walkers[team], *board.flyers[team]):
+            state.cell[game, unit] = row * side + column
+            unit += 1
+    begin(game, state, tables)
+
+
+def _no_board(ruleset: Ruleset) -> Any:
+    return BoardError(
+        f"ruleset {ruleset.name}: none of {MAX_ATTEMPTS} boards had room for every unit and a way to the flag for each; "
+        "use a larger side, fewer units or no obstacles"
+    )

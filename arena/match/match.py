@@ -1,0 +1,348 @@
+"""One match as a state machine without I/O: orders and the time go in, events come out.
+
+Nothing here knows of a network, a file or a clock; `now_s` is whatever the caller's clock says. The events of a call are to be
+carried out in their order, which puts each tick into the journal before anybody hears of the next.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from arena.errors import JournalError
+from arena.game.engine import BatchedGame
+from arena.game.state import StateField
+from arena.game.types import Action, Team, Termination
+from arena.match.effects import Ask, End, Event, Publish, Write
+from arena.policy import MatchResult
+from arena.protocol.observation_codec import Writer
+from arena.records.journal import CHAIN_BYTES, Header, Journal, Mark, write_ending, write_start, write_tick
+from arena.records.replay import match_result
+
+_STAY = bytes([Action.STAY])
+_EFFECT = bytes(byte if byte < len(Action) else Action.STAY for byte in range(256))
+"""What each byte of an answer does to a unit: one that is no action leaves it where it is."""
+WIN = 100
+"""Score of a match that was forfeited, from the winner's side."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeControl:
+    """What a referee demands of a seat, in seconds."""
+
+    turn_time_s: float | None = 1.0
+    """For each turn; None runs no clock."""
+    bank_s: float = 10.0
+    """Extra time of a seat, for the whole match."""
+    grace_s: float = 10.0
+    """How long a seat may be away in the whole match, and how long it may take to get ready."""
+    most_missed: int = 10
+    """Turns missed in a row that forfeit the match."""
+
+
+class Phase(Enum):
+    """Where a match stands."""
+
+    WAITING = "for both seats to be ready"
+    PLAYING = "playing"
+    OVER = "over"
+
+
+@dataclass(slots=True, kw_only=True)
+class SeatRecord:
+    """What was counted of one seat. A number that is not 0 is shown when the match ends."""
+
+    late: int = 0
+    """Turns without an answer in time; of a tick that the ending cut off, nothing is counted."""
+    unreadable: int = 0
+    """Turns with an answer that was not one legal action per unit."""
+    stale: int = 0
+    """Messages for another tick, or a second answer to this one; ignored."""
+    garbled: int = 0
+    """Messages that were none; ignored."""
+    forged: int = 0
+    """Messages on the seat's key that its holder did not seal, or not for now; ignored, and not the holder's doing."""
+    vanished: int = 0
+    latencies_s: list[float] = field(default_factory=list)
+
+    def faults(self) -> dict[str, int]:
+        """Return the counts."""
+        return {name: getattr(self, name) for name in ("late", "unreadable", "stale", "garbled", "forged", "vanished")}
+
+
+_NO_MARK = Mark(0)
+
+
+@dataclass(slots=True, kw_only=True)
+class _Seat:
+    """Where one seat stands in the current tick."""
+
+    team: Team
+    n_units: int
+    sight: Writer
+    bank_s: float
+    grace_s: float
+    answer: bytes
+    mark: Mark = _NO_MARK
+    shown: list[bytes] = field(default_factory=list)
+    """Observation by observation, the current tick's last."""
+    is_ready: bool = False
+    away_since_s: float | None = None
+    asked_at_s: float = 0.0
+    has_answered: bool = False
+    missed: int = 0
+    record: SeatRecord = field(default_factory=SeatRecord)
+
+
+class Match:
+    """A match, from its drawn board to its ending."""
+
+    def __init__(self, header: Header, time_control: TimeControl, now_s: float) -> None:
+        self.header, self.time_control = header, time_control
+        self.phase = Phase.WAITING
+        self._drawn_at_s = now_s
+        self.result: MatchResult | None = None
+        self.head = b""
+        """The last link of the chain, once the match is over."""
+        self._games = BatchedGame(header.ruleset, 1)
+        self._games.start([0], [header.keys])
+        n_units = self._games.n_units
+        self._seats = {
+            team: _Seat(
+                team=team,
+                n_units=n_units[team],
+                sight=Writer(seen, 0),
+                bank_s=time_control.bank_s,
+                grace_s=time_control.grace_s,
+                answer=_STAY * n_units[team],
+                away_since_s=now_s,
+            )
+            for team, seen in self._games.observe().items()
+        }
+        self._blue, self._red = self._seats.values()
+        self._state = self._games.digestible_views(0)
+        self._past: list[bytes] = []
+        self.start_record, self._chain = write_start(header, self._games.state.ground[0].tobytes(), b"".join(self._state))
+        self._show()
+
+    @property
+    def tick(self) -> int:
+        """Ticks played so far."""
+        return len(self._past)
+
+    @property
+    def facts(self) -> tuple[int, int, int]:
+        """Blue's living units, red's, and blue's score: public by rule."""
+        field = self._games.state.field[0]
+        return int(field[StateField.BLUE_LIVING]), int(field[StateField.RED_LIVING]), int(field[StateField.SCORE])
+
+    def history(self, team: Team, known_ticks: int) -> tuple[list[bytes], list[bytes]]:
+        """Return the observations of a seat's answered ticks from `known_ticks` on, and the orders that were played."""
+        orders = [self._split(orders)[team] for orders in self._past[known_ticks:]]
+        return self._seats[team].shown[known_ticks : len(self._past)], orders
+
+    def n_shown_bytes(self, team: Team) -> int:
+        """Return the length of every observation of a seat."""
+        return len(self._seats[team].shown[0])
+
+    def truth(self) -> tuple[bytes, list[bytes]]:
+        """Return the true board in the codes of Table 2, and what each seat is shown of it."""
+        return self._games.truth(0).tobytes(), [seat.shown[-1] for seat in self._seats.values()]
+
+    def unready_s(self, now_s: float) -> float:
+        """Return how long the match has waited for both seats to be ready; 0 once it began."""
+        return now_s - self._drawn_at_s if self.phase is Phase.WAITING else 0.0
+
+    def is_away(self, team: Team) -> bool:
+        """Whether a seat has not come yet, or has vanished."""
+        return self._seats[team].away_since_s is not None
+
+    def record(self, team: Team) -> SeatRecord:
+        """Return what was counted of a seat."""
+        return self._seats[team].record
+
+    def recover(self, journal: Journal) -> list[Event]:
+        """Play the ticks that a journal holds, and count what was ruled in them; before anybody is ready.
+
+        No time is charged for them: the pit was away, not the seats.
+
+        Raises
+        ------
+        JournalError
+            A state differs from what the journal says.
+        """
+        if self._chain != journal.start_chain:
+            raise JournalError("the journal was changed: its board is another")
+        for number, record in enumerate(journal.ticks, start=1):
+            for seat, answer, mark in zip(self._seats.values(), self._split(record.orders), record.marks, strict=True):
+                seat.answer, seat.mark = answer, mark
+                seat.missed = seat.missed + 1 if Mark.LATE in mark else 0
+            is_over = self._games.has_ended(0)
+            self._play_tick()
+            if is_over or self._chain != record.chain:
+                raise JournalError(f"the journal was changed: at tick {number} its orders or its state are others")
+        return self._end(match_result(self._games, 0)) if self._games.has_ended(0) else []
+
+    def ready(self, team: Team, now_s: float) -> list[Event]:
+        """A seat listens: at first, or after it was away. It is asked at once if the match waits for it."""
+        seat = self._seats[team]
+        if self.phase is Phase.OVER:
+            return []
+        self._welcome(seat, now_s)
+        seat.is_ready = True
+        if self.phase is Phase.WAITING:
+            if not all(seat.is_ready for seat in self._seats.values()):
+                return []
+            self.phase = Phase.PLAYING
+            for other in self._seats.values():
+                other.grace_s = self.time_control.grace_s
+            return self._ask_all(now_s)
+        return [] if seat.has_answered else [self._ask(seat)]
+
+    def leave(self, team: Team, now_s: float) -> list[Event]:
+        """A seat has vanished; its clock stops, and its grace runs."""
+        seat = self._seats[team]
+        if self.phase is not Phase.OVER and seat.away_since_s is None:
+            seat.away_since_s = now_s
+            seat.is_ready = False
+            seat.record.vanished += 1
+        return []
+
+    def submit(self, team: Team, tick: int, actions: bytes, now_s: float) -> list[Event]:
+        """Take a seat's orders; the first readable message of a tick counts, and what it lacks means to stay."""
+        seat = self._seats[team]
+        if self.phase is not Phase.PLAYING or tick != self.tick or seat.has_answered:
+            seat.record.stale += 1
+            return []
+        self._welcome(seat, now_s)  # it was said to be gone, and is not
+        n_units = seat.n_units
+        seat.answer = actions[:n_units].translate(_EFFECT).ljust(n_units, _STAY)
+        if seat.answer != actions:
+            seat.mark |= Mark.UNREADABLE
+        self._settle_clock(seat, now_s)
+        seat.has_answered, seat.missed = True, 0
+        return self._turn(now_s) if self._is_complete() else []
+
+    def garble(self, team: Team) -> None:
+        """Count a message that was none."""
+        self._seats[team].record.garbled += 1
+
+    def suspect(self, team: Team) -> None:
+        """Count a message that another sealed."""
+        self._seats[team].record.forged += 1
+
+    def advance(self, now_s: float) -> list[Event]:
+        """Let time pass: rule on seats that are late, or away for too long."""
+        if self.phase is Phase.OVER:
+            return []
+        gone = [team for team, seat in self._seats.items() if self._is_gone(seat, now_s)]
+        if gone:
+            # Whoever is away as well has not come to fight either: nobody wins by being gone a moment later.
+            gone = [team for team, seat in self._seats.items() if seat.away_since_s is not None]
+            is_playing = self.phase is Phase.PLAYING
+            return self._forfeit(gone, "did not come back in time" if is_playing else "did not get ready in time")
+        if self.phase is Phase.WAITING or self.time_control.turn_time_s is None:
+            return []
+        for seat in self._seats.values():
+            if seat.has_answered or seat.away_since_s is not None or now_s < self._deadline_s(seat):
+                continue
+            seat.answer = _STAY * seat.n_units
+            seat.mark |= Mark.LATE
+            seat.missed += 1
+            seat.bank_s, seat.has_answered = 0.0, True
+        idle = [seat.team for seat in self._seats.values() if seat.missed >= self.time_control.most_missed]
+        if idle:
+            return self._forfeit(idle, f"missed {self.time_control.most_missed} turns in a row")
+        return self._turn(now_s) if self._is_complete() else []
+
+    def forfeit(self, team: Team, why: str) -> list[Event]:
+        """End the match against a seat."""
+        return [] if self.phase is Phase.OVER else self._forfeit([team], why)
+
+    def void(self, reason: str) -> list[Event]:
+        """End the match by a fault of the pit's own."""
+        return self._end(MatchResult(ending=Termination.VOID, winner=None, score=0, ticks=self.tick, reason=reason))
+
+    def _welcome(self, seat: _Seat, now_s: float) -> None:
+        """Charge the grace for the time that a seat was away; its clock stood meanwhile, and goes on from where it was."""
+        if seat.away_since_s is not None:
+            seat.grace_s -= now_s - seat.away_since_s
+            seat.asked_at_s += now_s - max(seat.away_since_s, seat.asked_at_s)
+            seat.away_since_s = None
+
+    def _is_gone(self, seat: _Seat, now_s: float) -> bool:
+        return seat.away_since_s is not None and now_s - seat.away_since_s >= seat.grace_s
+
+    def _is_complete(self) -> bool:
+        return self._blue.has_answered and self._red.has_answered
+
+    def _deadline_s(self, seat: _Seat) -> float:
+        return seat.asked_at_s + (self.time_control.turn_time_s or 0.0) + seat.bank_s
+
+    def _settle_clock(self, seat: _Seat, now_s: float) -> None:
+        """Charge the bank for what a turn took beyond its time."""
+        took_s = now_s - seat.asked_at_s
+        seat.record.latencies_s.append(took_s)
+        if self.time_control.turn_time_s is not None:
+            seat.bank_s = max(seat.bank_s - max(took_s - self.time_control.turn_time_s, 0.0), 0.0)
+
+    def _turn(self, now_s: float) -> list[Event]:
+        """Play the tick that both have answered, and ask for the next."""
+        write = Write(data=self._play_tick())
+        if self._games.has_ended(0):
+            return [write, *self._end(match_result(self._games, 0))]
+        return [write, *self._ask_all(now_s)]
+
+    def _split(self, orders: bytes) -> tuple[bytes, bytes]:
+        """Return blue's part of a tick's orders, and red's."""
+        return orders[: self._blue.n_units], orders[self._blue.n_units :]
+
+    def _play_tick(self) -> bytes:
+        """Step, and return the tick's record."""
+        orders = self._blue.answer + self._red.answer
+        self._games.play(np.frombuffer(orders, np.int8)[None])
+        self._past.append(orders)
+        marks = bytes((self._blue.mark, self._red.mark))
+        record, self._chain = write_tick(self._chain, orders, marks, b"".join(self._state))
+        for seat in self._seats.values():
+            if seat.mark:  # counted here, so that a journal and who recovers from it count alike
+                seat.record.late += Mark.LATE in seat.mark
+                seat.record.unreadable += Mark.UNREADABLE in seat.mark
+                seat.mark = _NO_MARK
+        self._show()
+        return record
+
+    def _show(self) -> None:
+        """Lay up what each seat is to see of the tick that begins."""
+        for seat in self._seats.values():
+            if self.time_control.turn_time_s is not None:
+                seat.sight.set_clock(seat.bank_s)
+            seat.shown.append(seat.sight.write())
+
+    def _ask_all(self, now_s: float) -> list[Event]:
+        events: list[Event] = []
+        for seat in self._seats.values():
+            seat.has_answered, seat.asked_at_s = False, now_s
+            if seat.away_since_s is None:
+                events.append(self._ask(seat))
+        events.append(Publish())
+        return events
+
+    def _ask(self, seat: _Seat) -> Ask:
+        return Ask(team=seat.team, tick=len(self._past), observation=seat.shown[-1])
+
+    def _forfeit(self, losers: Iterable[Team], why: str) -> list[Event]:
+        teams = list(losers)
+        winner = teams[0].other if len(teams) == 1 else None
+        score = 0 if winner is None else WIN if winner is Team.BLUE else -WIN
+        names = " and ".join(team.name.lower() for team in teams)
+        return self._end(
+            MatchResult(ending=Termination.FORFEIT, winner=winner, score=score, ticks=self.tick, reason=f"{names} {why}")
+        )
+
+    def _end(self, result: MatchResult) -> list[Event]:
+        self.phase, self.result = Phase.OVER, result
+        record = write_ending(self._chain, result)
+        self.head = record[-CHAIN_BYTES:]
+        return [Write(data=record), End(result=result)]

@@ -1,0 +1,285 @@
+"""Zenoh, and nothing else of ours knows it: a session, its publishers, and callbacks that only pass bytes on.
+
+Set as measured on 1.10: congestion control BLOCK, since DROP lost turns under load; a peer that does not read is waited for
+50 ms and then cut off, since it held `put` for 5 s; no scouting, so that nobody meets by accident; no shared memory, by which
+10 MB from the same machine got past the bound on the size of messages.
+"""
+
+import json
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from threading import Event, Thread
+from types import TracebackType
+from typing import Any
+
+import zenoh
+from zenoh.handlers import Callback, RingChannel
+
+from arena.errors import InputError, LostPitError
+from arena.network.access import Certificate, access_rules, check_authority, check_certificate
+from arena.protocol.codec import MOST_BYTES
+
+Put = Callable[[bytes], None]
+Sample = zenoh.Sample
+"""What was heard; `read_key` and `read_payload` take it apart, on the thread that wants to know."""
+_WAIT_BEFORE_CLOSE_US = 50_000
+_BATCHES = 16
+"""In the queue of each peer: the most that Zenoh allows, so that a peer that waits for a busy core is not cut off."""
+_OPEN_TIMEOUT_MS = 6_000
+_MOST_WIRE_BYTES = MOST_BYTES + 4_000
+"""Of a message and its frame, put together from fragments; a longer one is dropped, and its sender stays connected."""
+
+
+class Question:
+    """A query that waits for its answer; it may be answered later, from any thread."""
+
+    def __init__(self, query: zenoh.Query, key: str) -> None:
+        self._query, self._key = query, key
+        self.key = str(query.key_expr)
+        """What was asked for; where many keys are answered, one of them, or an expression."""
+        self.payload = _bytes(query.payload) if query.payload is not None else b""
+
+    def answer(self, payload: bytes) -> None:
+        """Answer, and be done with it."""
+        with suppress(zenoh.ZError):  # whoever asked may be gone
+            self._query.reply(self.key if "*" in self._key else self._key, payload, express=True)
+        self._query.drop()
+
+    def drop(self) -> None:
+        """Leave it without an answer."""
+        self._query.drop()
+
+
+OnQuestion = Callable[[Question], None]
+
+
+class Session:
+    """One Zenoh session, closed by `with`."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._routers = self._find_routers()
+        self._tokens: list[zenoh.LivelinessToken] = []  # one that nobody holds is withdrawn
+
+    def _find_routers(self) -> list[str]:
+        return [str(router) for router in self._session.info.routers_zid()]
+
+    def is_connected(self) -> bool:
+        """Whether this client still has the router that it connected to, and not another that took its place."""
+        routers = self._find_routers()
+        self._routers = self._routers or routers  # one that only just opened may not know its router yet
+        return bool(routers) and routers == self._routers
+
+    def __enter__(self) -> "Session":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._session.close()
+
+    def publisher(self, key: str) -> tuple[Put, Callable[[], None]]:
+        """Return what publishes on `key`, and what ends it."""
+        publisher = self._declare_publisher(key)
+        return publisher.put, publisher.undeclare
+
+    def broadcast(self, key: str) -> "Broadcast":
+        """Return what publishes on `key`, and knows whether anybody listens."""
+        return Broadcast(self._declare_publisher(key))
+
+    def _declare_publisher(self, key: str) -> zenoh.Publisher:
+        return self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
+
+    def subscribe(self, key: str, on_sample: Callable[[Sample], None]) -> Callable[[], None]:
+        """Pass on every sample of `key`, on a thread of Zenoh's, so it may only be enqueued; return what ends it."""
+        return self._session.declare_subscriber(key, Callback(on_sample, indirect=False)).undeclare
+
+    def collect(self, key: str, most: int) -> "Collector":
+        """Collect the samples of `key` outside Python, where no thread fights for the interpreter; the oldest of too many go."""
+        return Collector(self._session.declare_subscriber(key, RingChannel(most)))
+
+    def beat(self, key: str, period_s: float) -> Callable[[], None]:
+        """Put an empty sample on `key`, for this session alone, every `period_s`; return what ends it."""
+        put = self._session.declare_publisher(key, allowed_destination=zenoh.Locality.SESSION_LOCAL).put
+        stopped = Event()
+
+        def run() -> None:
+            while not stopped.wait(period_s):
+                with suppress(zenoh.ZError):  # the session is closing
+                    put(b"")
+
+        def end() -> None:
+            stopped.set()
+            thread.join()  # one that is caught within Zenoh when the interpreter ends takes the process down
+
+        thread = Thread(target=run, name="beat", daemon=True)
+        thread.start()
+        return end
+
+    def answer(self, key: str, on_question: OnQuestion) -> Callable[[], None]:
+        """Pass on every query of `key`; return what ends it."""
+
+        def heard(query: zenoh.Query) -> None:
+            on_question(Question(query, key))
+
+        return self._session.declare_queryable(key, Callback(heard, indirect=False)).undeclare
+
+    def ask(self, key: str, payload: bytes, on_answer: Callable[[bytes], None], timeout_s: float) -> None:
+        """Ask, and pass the answer on; nothing but b"" is passed on if nobody is there to answer, or none does in time."""
+        answers = []
+
+        def heard(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                answers.append(_bytes(reply.ok.payload))
+                on_answer(answers[0])
+
+        def ended() -> None:
+            if not answers:
+                on_answer(b"")
+
+        self._session.get(key, Callback(heard, ended, indirect=False), payload=payload, timeout=timeout_s)
+
+    def declare_presence(self, key: str) -> None:
+        """Say that this process is there, until the session ends."""
+        self._tokens.append(self._session.liveliness().declare_token(key))
+
+    def watch_presence(self, key: str, on_change: Callable[[str, bool], None]) -> Callable[[], None]:
+        """Pass on who came (True) and who went (False), those who are there already first."""
+
+        def changed(sample: zenoh.Sample) -> None:
+            on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        return self._session.liveliness().declare_subscriber(key, Callback(changed, indirect=False), history=True).undeclare
+
+
+class Broadcast:
+    """A publisher for whoever listens; often that is nobody, and then nothing need be made to be sent."""
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        self.put: Put = publisher.put
+        self.end: Callable[[], None] = publisher.undeclare
+        self.is_heard: bool = False
+        self._listener = publisher.declare_matching_listener(Callback(self._on_change, indirect=False))
+        self.is_heard = self.is_heard or publisher.matching_status.matching  # type: ignore[attr-defined]  # Zenoh types it as bool
+
+    def _on_change(self, status: zenoh.MatchingStatus) -> None:
+        self.is_heard = status.matching
+
+
+class Collector:
+    """Samples that wait to be read, by one thread."""
+
+    def __init__(self, subscriber: Any) -> None:
+        self.wait: Callable[[], Sample] = subscriber.recv
+        """Return the next sample, however long it takes."""
+        self.take: Callable[[], Sample | None] = subscriber.try_recv
+        """Return the next sample that is there, or None."""
+        self.end: Callable[[], None] = subscriber.undeclare
+
+
+def read_key(sample: Sample) -> str:
+    """Return the key of a sample."""
+    return str(sample.key_expr)
+
+
+def is_beat(sample: Sample) -> bool:
+    """Whether a sample is of `Session.beat`, or as empty as one."""
+    return len(sample.payload) == 0
+
+
+def read_payload(sample: Sample) -> bytes:
+    """Return the payload of a sample, or nothing of one that is longer than any message."""
+    return _bytes(sample.payload)
+
+
+def _bytes(payload: zenoh.ZBytes) -> bytes:
+    """Return the payload; nothing of one that is longer than any message, so that no queue is filled with it."""
+    return payload.to_bytes() if len(payload) <= MOST_BYTES else b""
+
+
+def free_port() -> int:
+    """Return a TCP port of loopback that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def open_router(endpoint: str, pit: str, certificate: Certificate | None = None) -> Session:
+    """Listen at an endpoint such as tcp/127.0.0.1:7447, as the router that clients connect to.
+
+    Parameters
+    ----------
+    endpoint
+        One that begins with tls/ or quic/ needs a certificate, and no other takes one.
+    pit
+        Clients may do what a player of this pit does, and nothing else. The session that is returned may do anything.
+    """
+    settings: dict[str, Any] = {
+        "listen/endpoints": [endpoint],
+        "transport/link/rx/max_message_size": _MOST_WIRE_BYTES,
+        "access_control": access_rules(pit),
+    }
+    if _is_encrypted(endpoint) != (certificate is not None):
+        raise InputError(f"cannot listen at {endpoint}: tls/ needs a certificate and its key, and tcp/ takes none")
+    if certificate is not None:
+        check_certificate(certificate)
+        settings["transport/link/tls/listen_certificate"] = str(certificate.certificate)
+        settings["transport/link/tls/listen_private_key"] = str(certificate.key)
+    return _open("router", settings, f"cannot listen at {endpoint}")
+
+
+def open_client(endpoint: str, authority: Path | None = None) -> Session:
+    """Connect to the router at an endpoint.
+
+    Parameters
+    ----------
+    authority
+        For tls/ and quic/: a PEM file of the certificates to trust, such as the pit's own; without it, those that the web trusts.
+    """
+    settings = {"connect/endpoints": [endpoint], "connect/timeout_ms": _OPEN_TIMEOUT_MS, "connect/exit_on_failure": True}
+    if authority is not None:
+        if not _is_encrypted(endpoint):
+            raise InputError(f"{endpoint} is not encrypted, so nothing there can be checked with {authority}")
+        check_authority(authority)
+        settings["transport/link/tls/root_ca_certificate"] = str(authority)
+    stranger = " with a certificate that we trust" if _is_encrypted(endpoint) else ""
+    return _open("client", settings, f"no pit answers at {endpoint}{stranger}")
+
+
+def _is_encrypted(endpoint: str) -> bool:
+    return endpoint.startswith(("tls/", "quic/"))
+
+
+def _open(mode: str, settings: dict[str, Any], failure: str) -> Session:
+    config = zenoh.Config()
+    common = {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": _WAIT_BEFORE_CLOSE_US,
+        "transport/link/tx/queue/size/data": _BATCHES,
+        "transport/shared_memory/enabled": False,
+        "adminspace/enabled": False,
+    }
+    try:
+        for key, value in {**common, **settings}.items():
+            config.insert_json5(key, json.dumps(value))
+    except zenoh.ZError as error:
+        raise InputError(f"{failure}: {error}") from error
+    zenoh.init_log_from_env_or("off")  # RUST_LOG=error shows what Zenoh complains of
+    try:
+        return Session(zenoh.open(config))
+    except zenoh.ZError as error:
+        raise (InputError if mode == "router" else LostPitError)(f"{failure}: {_reason(str(error))}") from error
+
+
+def _reason(text: str) -> str:
+    """Return the part of Zenoh's error that a person can use."""
+    for known, said in (
+        ("Address already in use", "the port is in use"),
+        ("Unable to connect", f"nobody let us in within {_OPEN_TIMEOUT_MS / 1000:.0f} s"),
+        ("Permission denied", "permission denied"),
+    ):
+        if known in text:
+            return said
+    return text.partition(" at /")[0].splitlines()[0]

@@ -1,0 +1,58 @@
+"""The pit's door: who knocks, whether it is they, and whether they knock for the first time. Without I/O."""
+
+from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey
+
+from arena.errors import ForgedError
+from arena.protocol.codec import encode
+from arena.protocol.handshake import Caller, new_secret, open_knock, sign_challenge
+from arena.protocol.identity import Identity
+
+EPOCH_S = 15.0
+"""How long a challenge is given out; it is taken for as long again."""
+MOST_USED = 100_000
+"""Requests that are remembered of an epoch; beyond, none is taken until the next."""
+
+
+class Authenticator:
+    """Opens requests. What they are sealed to lives as long as this process."""
+
+    def __init__(self, pit: str, identity: Identity) -> None:
+        self.pit, self.identity = pit, identity
+        self._private = X25519PrivateKey.generate()
+        self._sealing_key = self._private.public_key().public_bytes_raw()
+        self._used: dict[bytes, set[bytes]] = {}
+        """By challenge: the keys that answers went to, this epoch's last."""
+        self._ends_s = -EPOCH_S
+
+    def challenge(self, now_s: float) -> bytes:
+        """Return the answer to every Hello of this epoch: it costs nothing to give."""
+        if now_s >= self._ends_s:
+            self._turn_over(now_s)
+        return self._challenge
+
+    def _turn_over(self, now_s: float) -> None:
+        number = new_secret()
+        kept = list(self._used.items())[-1:] if now_s < self._ends_s + EPOCH_S else []
+        self._used = {**dict(kept), number: set()}
+        self._ends_s = now_s + EPOCH_S
+        self._challenge = encode(sign_challenge(self.pit, self.identity, self._sealing_key, number))
+
+    def open(self, payload: bytes, now_s: float) -> Caller:
+        """Return who knocks, once for each request.
+
+        Raises
+        ------
+        ProtocolError
+            Nobody who may: see `open_knock`; or the request was made too long ago, or was seen before.
+        """
+        self.challenge(now_s)
+        caller = open_knock(payload, self.pit, self.identity.public, self._private)
+        used = self._used.get(caller.request.challenge)
+        if used is None:
+            raise ForgedError("a request answers no challenge of the last seconds")
+        if caller.request.ephemeral in used:
+            raise ForgedError("a request comes a second time")
+        if len(used) >= MOST_USED:
+            raise ForgedError("too many requests in these seconds")
+        used.add(caller.request.ephemeral)
+        return caller

@@ -1,0 +1,170 @@
+"""A ladder, as a pit needs one, and who sits where on it. Whoever opens the pit hands over what fills this port.
+
+On a ladder whoever waits meets whom the ladder chooses, on a map of their own, and each result moves two ratings. An entry is its
+public key here: a name can be given back.
+"""
+
+import logging
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any, Protocol
+
+from arena.errors import JournalError
+from arena.game.types import Team
+from arena.local.venue import MatchPlan
+from arena.pit.seating import Pairing, SeatId, Seating
+from arena.policy import MatchResult
+from arena.protocol.messages import Closed, JoinRequest, Refusal, Wait
+from arena.records.journal import journal_name, load_journal
+from arena.records.replay import BrokenChainError, verify
+
+logger = logging.getLogger(__name__)
+
+MOST_CONSIDERED = 64
+"""Entries from which an opponent is chosen: those that have waited longest, so that a crowd costs no match its turns."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Waiting:
+    """An entry that waits for an opponent."""
+
+    entry: bytes
+    """Public key."""
+    since_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LadderMatch:
+    """A match of a ladder that ended."""
+
+    identity: str
+    names: Mapping[Team, str]
+    entries: Mapping[Team, bytes]
+    """Public keys."""
+    rules_hash: str
+    result: MatchResult
+    """A void match is handed over as well; it moves nothing."""
+
+
+class Ladder(Protocol):
+    """Who is how strong, who is to meet whom, and what came of it."""
+
+    def identities(self) -> Collection[str]:
+        """Return the matches that were counted already, by any pit that kept this ladder."""
+
+    def choose(self, waiting: Sequence[Waiting], now_s: float) -> tuple[Waiting, Waiting] | None:
+        """Return who plays blue and who plays red, if two are to meet now; all that wait have keys of their own."""
+
+    def count(self, match: LadderMatch) -> None:
+        """Take a result, once; `ArenaError` if results cannot be kept any more."""
+
+    def standings(self) -> list[dict[str, Any]]:
+        """Return who leads, as `arena.protocol.messages.Lobby` has it."""
+
+
+OpenLadder = Callable[[str, str, str], AbstractContextManager[Ladder]]
+"""Takes where it is kept (a URL or a file), the name of the pit, and the hash of the ruleset that it plays."""
+
+
+class LadderSeating(Seating):
+    """Whoever comes, against whom the ladder chooses."""
+
+    def __init__(
+        self, ladder: Ladder, make_plan: Callable[[str, str], MatchPlan], n_matches: int | None, clock: Callable[[], float]
+    ) -> None:
+        self._ladder, self._make_plan, self._left, self._clock = ladder, make_plan, n_matches, clock
+        self._waiting: dict[bytes, dict[SeatId, tuple[str, float]]] = {}
+        """By entry, the one that is to be looked at next first: the name and the beginning of each seat's wait."""
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the last match has begun."""
+        return self._left == 0
+
+    def close(self) -> None:
+        """Begin no more matches."""
+        self._left = 0
+
+    def is_planned(self, names: set[str]) -> bool:
+        """No: every match is its own fixture here, on a map of its own."""
+        return False
+
+    def standings(self) -> list[dict[str, Any]]:
+        """Return who leads."""
+        return self._ladder.standings()
+
+    def place(self, seat: SeatId, request: JoinRequest) -> Wait | Refusal | Closed:
+        """Have a client wait; `pair_up` begins its match."""
+        if self.is_done:
+            return Closed(reason="the pit begins no more matches")
+        if request.team != "any":
+            return Refusal(reason="on a ladder the pit gives out the teams; join with --team any")
+        self._waiting.setdefault(request.entry, {}).setdefault(seat, (request.name, self._clock()))
+        return Wait(reason="for an opponent")
+
+    def pair_up(self, now_s: float) -> Pairing | None:
+        """Return the match of two entries that the ladder has chosen, if any."""
+        if self.is_done or len(self._waiting) < len(Team):
+            return None
+        waiting = [
+            Waiting(entry=entry, since_s=next(iter(seats.values()))[1])
+            for entry, seats in islice(self._waiting.items(), MOST_CONSIDERED)
+        ]
+        chosen = self._ladder.choose(waiting, now_s)
+        if chosen is None:
+            return None
+        if self._left is not None:
+            self._left -= 1
+        (blue, blue_name), (red, red_name) = (self._take(one.entry) for one in chosen)
+        return Pairing(self._make_plan(blue_name, red_name), {Team.BLUE: blue, Team.RED: red})
+
+    def _take(self, entry: bytes) -> tuple[SeatId, str]:
+        """Take the seat of an entry that has waited longest; its other seats line up behind the other entries."""
+        seats = self._waiting.pop(entry)
+        seat = next(iter(seats))
+        name, _ = seats.pop(seat)
+        if seats:
+            self._waiting[entry] = seats
+        return seat, name
+
+    def forget(self, seat: SeatId) -> None:
+        """Take a seat off the list."""
+        seats = self._waiting.get(seat.entry, {})
+        seats.pop(seat, None)
+        if not seats:
+            self._waiting.pop(seat.entry, None)
+
+
+def ladder_prefix(pit: str) -> str:
+    """Return what the identity of a pit's every ladder match begins with, and that of no other match."""
+    return f"{pit}/ladder/"
+
+
+def find_uncounted(journals: Path, pit: str, counted: Collection[str]) -> Iterator[LadderMatch]:
+    """Yield the ladder matches whose journal has an ending, and whose result was lost with a pit that was killed.
+
+    Each is played again first: what is counted holds.
+    """
+    names = {journal_name(identity) for identity in counted}
+    for path in sorted(journals.glob(f"{ladder_prefix(pit).replace('/', '+')}*.journal")):
+        if path.name in names:
+            continue
+        try:
+            journal = load_journal(path)
+            if journal.ending is None or journal.seals is None:
+                continue
+            verify(journal)
+        except (JournalError, BrokenChainError) as error:
+            logger.warning("%s is not counted: %s", path.name, error)
+            continue
+        header = journal.header
+        yield LadderMatch(
+            identity=header.identity,
+            names={Team.BLUE: header.blue, Team.RED: header.red},
+            entries=journal.seals.entries,
+            rules_hash=header.ruleset.hash,
+            result=journal.ending,
+        )

@@ -1,0 +1,172 @@
+"""A pit that is open: a router, a referee, and whoever comes."""
+
+import fcntl
+import time
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+
+from arena.errors import InputError
+from arena.game.engine import warm
+from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
+from arena.game.ruleset import Ruleset
+from arena.game.types import Team
+from arena.local.venue import MatchPlan
+from arena.match.match import TimeControl
+from arena.network.access import Certificate
+from arena.network.address import Address
+from arena.network.session import open_router
+from arena.pit.ladder import Ladder, LadderMatch, LadderSeating, find_uncounted, ladder_prefix
+from arena.pit.match_session import PitContext
+from arena.pit.referee import Played, Referee
+from arena.pit.register import Register
+from arena.pit.seating import OpenSeating, Seating
+from arena.protocol.identity import Identity
+
+_DRAIN_S = 8.0
+"""How long running matches may go on after the pit was told to stop; what is left then can be resumed."""
+
+_FAREWELL_S = 2.0
+"""How long the pit stays after its last match, for clients to hear that it is over."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PitSettings:
+    """What `arena serve` is told."""
+
+    address: Address
+    """Where to listen, and the pit's name and key."""
+    identity: Identity
+    spectator_key: bytes
+    register: Register
+    ruleset: Ruleset
+    secret: bytes
+    time_control: TimeControl
+    journals: Path
+    n_matches: int | None = None
+    fsync: bool = False
+    certificate: Certificate | None = None
+    ladder: Ladder | None = None
+    """None seats whoever comes, and rates nobody."""
+
+
+class Pit:
+    """An open pit; `stop` ends it from a signal."""
+
+    def __init__(self, settings: PitSettings) -> None:
+        self._settings = settings
+        self._stopped_at_s: float | None = None
+        self._done_at_s: float | None = None
+        self._referee: Referee | None = None
+        self._prefix = f"{settings.address.pit}/"
+        self._seating: Seating
+        if settings.ladder is None:
+            self._seating = OpenSeating(self._make_plan, settings.n_matches)
+        else:
+            self._prefix = ladder_prefix(settings.address.pit)
+            self._seating = LadderSeating(settings.ladder, self._make_plan, settings.n_matches, time.monotonic)
+
+    def stop(self) -> None:
+        """Begin no more matches; a second call does not wait for those that run."""
+        if self._stopped_at_s is None:
+            self._stopped_at_s = time.monotonic()
+            self._seating.close()
+        elif self._referee is not None:
+            self._referee.stop()
+
+    def run(self, on_open: Callable[[int], None], on_end: Callable[[Played], None]) -> int:
+        """Serve until stopped, or until the last match is over; return how many matches were left to be resumed."""
+        settings = self._settings
+        warm(settings.ruleset)  # before anybody can ask: a client that hears no answer goes away
+        with (
+            _alone_in(settings.journals),
+            open_router(settings.address.endpoint, settings.address.pit, settings.certificate) as session,
+        ):
+            counted = self._catch_up()
+            self._numbers = count(_next_number(settings.journals, self._prefix, counted))
+            house = PitContext(
+                session=session,
+                pit=settings.address.pit,
+                identity=settings.identity,
+                spectator_key=settings.spectator_key,
+                fsync=settings.fsync,
+            )
+            referee = Referee(
+                house,
+                settings.ruleset,
+                self._seating,
+                settings.time_control,
+                settings.journals,
+                register=settings.register,
+                on_end=lambda played: self._tell(played, on_end),
+            )
+            self._referee = referee
+            on_open(len(referee.resume(lambda _: True)))
+            try:
+                referee.run(lambda: self._is_over(referee))
+                return referee.n_running
+            finally:
+                referee.close()
+
+    def _is_over(self, referee: Referee) -> bool:
+        now_s = time.monotonic()
+        if self._stopped_at_s is not None and now_s - self._stopped_at_s > _DRAIN_S:
+            return True
+        if not self._seating.is_done or referee.n_running:
+            return False
+        self._done_at_s = self._done_at_s or now_s
+        return referee.is_deserted or now_s - self._done_at_s > _FAREWELL_S
+
+    def _catch_up(self) -> Collection[str]:
+        """Count what ended on the ladder and was not counted before the pit was killed; return all that has been counted."""
+        ladder, settings = self._settings.ladder, self._settings
+        if ladder is None:
+            return ()
+        counted = ladder.identities()
+        for match in find_uncounted(settings.journals, settings.address.pit, counted):
+            ladder.count(match)
+        return counted
+
+    def _tell(self, played: Played, on_end: Callable[[Played], None]) -> None:
+        """Count a match of the ladder; one that an earlier pit began without it is none."""
+        header = played.header
+        if self._settings.ladder is not None and header.identity.startswith(self._prefix):
+            names = {Team.BLUE: header.blue, Team.RED: header.red}
+            match = LadderMatch(
+                identity=header.identity,
+                names=names,
+                entries=played.entries,
+                rules_hash=header.ruleset.hash,
+                result=played.result,
+            )
+            self._settings.ladder.count(match)
+        on_end(played)
+
+    def _make_plan(self, blue: str, red: str) -> MatchPlan:
+        """Plan a match of its own: no map is played twice here, since whoever comes may remember."""
+        identity = f"{self._prefix}{next(self._numbers):06}/{blue}/{red}"
+        secret = self._settings.secret
+        keys = MatchKeys(map_key=derive_map_key(secret, identity, 0), match_key=derive_match_key(secret, identity))
+        return MatchPlan(identity=identity, blue=blue, red=red, keys=keys)
+
+
+def _next_number(journals: Path, prefix: str, counted: Collection[str]) -> int:
+    """Return the first number beyond those of a pit's matches that have a journal, or were counted: none is played twice."""
+    start = prefix.replace("/", "+")
+    known = [path.name.removeprefix(start).split("+") for path in journals.glob(f"{start}*.journal")]
+    known += [identity.removeprefix(prefix).split("/") for identity in counted]
+    return max((int(parts[0]) + 1 for parts in known if len(parts) == 3 and parts[0].isdecimal()), default=0)
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Keep other pits off a folder of journals: two would resume the same matches."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / ".lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"another pit keeps its journals in {folder}; choose another folder with --data") from None
+        yield

@@ -1,0 +1,179 @@
+"""Who sits where: from those who wait for a seat to matches with two. Pure; `service` talks."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+from arena.game.ruleset import Ruleset
+from arena.game.types import RULES_VERSION, Team
+from arena.local.venue import MatchPlan
+from arena.protocol import topics
+from arena.protocol.messages import Closed, JoinRequest, Message, Refusal, Wait
+
+
+class SeatId(NamedTuple):
+    """Who has a seat, or wants one: an entry, one of its client processes, and one of that one's slots."""
+
+    entry: bytes
+    client: str
+    slot: int
+
+
+MOST_SLOTS = 256
+"""Seats that one client process may ask for at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pairing:
+    """A match that can begin."""
+
+    plan: MatchPlan
+    seats: dict[Team, SeatId]
+
+
+class Seating(Protocol):
+    """Decides who plays whom."""
+
+    def place(self, seat: SeatId, request: JoinRequest) -> Pairing | Wait | Refusal | Closed:
+        """Take a request, perhaps one that was taken before; a pairing may hold other seats that waited."""
+
+    def pair_up(self, now_s: float) -> Pairing | None:
+        """Return a match that can begin though nobody new came, of seats that were placed; asked again and again."""
+        return None
+
+    def forget(self, seat: SeatId) -> None:
+        """A seat that waited is gone."""
+
+    def close(self) -> None:
+        """Begin no more matches."""
+
+    def is_planned(self, names: set[str]) -> bool:
+        """Whether two entries are to meet again, on a map that they may know then."""
+
+    def standings(self) -> list[dict[str, Any]]:
+        """Return who leads, as the lobby tells it; nothing where nobody is rated as matches end."""
+        return []
+
+    @property
+    def is_done(self) -> bool:
+        """Whether no match will begin any more."""
+
+
+def object_to(request: Message, ruleset: Ruleset) -> str:
+    """Return why a request cannot be met whatever seats are free, or nothing."""
+    if not isinstance(request, JoinRequest):
+        return "this is no request for a seat"
+    if request.rules_version != RULES_VERSION:
+        return f"the client knows version {request.rules_version} of the rules, the pit {RULES_VERSION}; install the same"
+    if request.rules_hash and request.rules_hash != ruleset.hash:
+        ours, theirs = ruleset.hash[:12], request.rules_hash[:12]
+        return f"the pit plays ruleset {ruleset.name} ({ours}), the client wants {theirs}"
+    if request.team not in ("red", "blue", "any"):
+        return f"there is no team {request.team!r}; red, blue or any"
+    if not topics.is_chunk(request.name) or not topics.is_chunk(request.client):
+        return "a name is 1 to 64 letters, digits, - or _"
+    if not 0 <= request.slot < MOST_SLOTS:
+        return f"there is no slot {request.slot}; a client has slots 0 to {MOST_SLOTS - 1}"
+    return ""
+
+
+class OpenSeating(Seating):
+    """Whoever comes: a match begins when a red and a blue seat are taken."""
+
+    def __init__(self, make_plan: Callable[[str, str], MatchPlan], n_matches: int | None) -> None:
+        self._make_plan, self._left = make_plan, n_matches
+        self._waiting: dict[Team, tuple[SeatId, str]] = {}
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the last match has begun."""
+        return self._left == 0
+
+    def close(self) -> None:
+        """Begin no more matches."""
+        self._left = 0
+
+    def is_planned(self, names: set[str]) -> bool:
+        """No: every match is its own fixture here, on a map of its own."""
+        return False
+
+    def place(self, seat: SeatId, request: JoinRequest) -> Pairing | Wait | Refusal | Closed:
+        """Seat a client on the team that it wants, if it is free."""
+        if self.is_done:
+            return Closed(reason="the pit begins no more matches")
+        own = next((team for team, (other, _) in self._waiting.items() if other == seat), None)
+        if own is None:
+            wanted = list(Team) if request.team == "any" else [Team[request.team.upper()]]
+            free = [team for team in wanted if team not in self._waiting]
+            if not free:
+                name = self._waiting[wanted[0]][1]
+                other = wanted[0].other.name.lower()
+                hint = "it is free" if wanted[0].other not in self._waiting else "it is taken as well"
+                return Refusal(reason=f"{wanted[0].name.lower()} is taken, by {name}; try {other}: {hint}")
+            self._waiting[free[0]] = (seat, request.name)
+        if len(self._waiting) < len(Team):
+            return Wait(reason="for an opponent")
+        (blue, blue_name), (red, red_name) = self._waiting[Team.BLUE], self._waiting[Team.RED]
+        self._waiting.clear()
+        if self._left is not None:
+            self._left -= 1
+        return Pairing(self._make_plan(blue_name, red_name), {Team.BLUE: blue, Team.RED: red})
+
+    def forget(self, seat: SeatId) -> None:
+        """Free the team that a seat waited on."""
+        self._waiting = {team: waiting for team, waiting in self._waiting.items() if waiting[0] != seat}
+
+
+class PlannedSeating(Seating):
+    """The matches of a league, in its order as far as those who play them are there."""
+
+    def __init__(self, plans: Iterable[MatchPlan]) -> None:
+        self._plans = list(plans)
+        self._entries = {name for plan in self._plans for name in (plan.blue, plan.red)}
+        self._waiting: dict[SeatId, str] = {}
+
+    @property
+    def is_done(self) -> bool:
+        """Whether every match has begun."""
+        return not self._plans
+
+    def close(self) -> None:
+        """Begin no more matches."""
+        self._plans.clear()
+
+    def is_planned(self, names: set[str]) -> bool:
+        """Whether the fixture of two entries has matches that are still to begin."""
+        return any({plan.blue, plan.red} == names for plan in self._plans)
+
+    def withdraw(self, identities: Iterable[str]) -> None:
+        """Take off the plan the matches that run already."""
+        running = set(identities)
+        self._plans = [plan for plan in self._plans if plan.identity not in running]
+
+    def place(self, seat: SeatId, request: JoinRequest) -> Pairing | Wait | Refusal | Closed:
+        """Begin the first match for whose entries seats are waiting."""
+        if request.name not in self._entries:
+            return Refusal(reason=f"{request.name} is no entry of this league")
+        self._waiting[seat] = request.name
+        for index, plan in enumerate(self._plans):
+            if request.name in (plan.blue, plan.red):
+                seats = self._find(plan)
+                if seats:
+                    del self._plans[index]
+                    for taken in seats.values():
+                        del self._waiting[taken]
+                    return Pairing(plan, seats)
+        if not any(request.name in (plan.blue, plan.red) for plan in self._plans):
+            self._waiting.pop(seat)
+            return Closed(reason=f"all matches of {request.name} have begun")
+        return Wait(reason="for an opponent")
+
+    def _find(self, plan: MatchPlan) -> dict[Team, SeatId] | None:
+        """Return seats for both entries of a plan, if they are waiting."""
+        blue = next((seat for seat, name in self._waiting.items() if name == plan.blue), None)
+        red = next((seat for seat, name in self._waiting.items() if name == plan.red and seat != blue), None)
+        return {Team.BLUE: blue, Team.RED: red} if blue and red else None
+
+    def forget(self, seat: SeatId) -> None:
+        """Take a seat off the list."""
+        self._waiting.pop(seat, None)

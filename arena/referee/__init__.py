@@ -1,1 +1,0 @@
-"""Who owns the truth: matches, journals, and the venues that they are played in."""

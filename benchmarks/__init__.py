@@ -1,0 +1,1 @@
+"""How fast the arena is on this machine, as `arena bench` measures it in a checkout. A module here is a benchmark: `run`."""

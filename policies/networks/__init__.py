@@ -1,0 +1,1 @@
+"""Trained fighters: features, models, checkpoints, and the policies that play them."""

@@ -1,0 +1,195 @@
+"""A trained network in one file: weights as safetensors, and in the file's own metadata a manifest that says what they are.
+
+Loading a stranger's file runs no code. A file that does not fit is refused with a sentence that says why.
+"""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor, nn
+
+from arena.errors import ArenaError, PolicyError
+from arena.game.ruleset import Ruleset
+from arena.game.types import Code
+from policies.networks.features import FEATURES_VERSION
+from policies.networks.models import PaperTeam, TeamNetwork, TeamShape
+
+FORMAT = 1
+"""Rises whenever a file of the old kind can no longer be read."""
+MOST_BYTES = 12_000_000
+"""Of a checkpoint, or of each policy in one that has a policy for each unit."""
+MOST_AGENTS = 16
+KINDS = ("team", "paper")
+_KEY = "arena"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manifest:
+    """What a checkpoint is."""
+
+    network: str
+    """One of `KINDS`."""
+    shape: dict[str, int]
+    """Sizes of the network: those of `networks.TeamShape`, or the arguments of `networks.PaperTeam`."""
+    features: int
+    """`features.FEATURES_VERSION` of the planes that it was trained on."""
+    ruleset: str
+    ruleset_hash: str
+    training: dict[str, Any] = field(default_factory=dict)
+    """How it came about: method, start, settings, samples, seed."""
+    evaluation: dict[str, Any] = field(default_factory=dict)
+    """What `arena evaluate` measured, where somebody kept it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Checkpoint:
+    """A network and what it is."""
+
+    manifest: Manifest
+    network: nn.Module
+
+
+def build_network(kind: str, shape: Mapping[str, int]) -> nn.Module:
+    """Return a fresh network of a kind.
+
+    Raises
+    ------
+    ValueError
+        There is no such kind, or its sizes are others.
+    """
+    if kind == "team":
+        try:
+            return TeamNetwork(TeamShape(**shape))
+        except TypeError as error:
+            raise ValueError(f"it names sizes that a team network has not: {', '.join(shape)}") from error
+    if kind == "paper":
+        is_known = set(shape) == {"window", "agents", "planes"} and shape["planes"] in (1, len(Code))
+        if not (is_known and 7 <= shape["window"] <= 64 and 1 <= shape["agents"] <= MOST_AGENTS):
+            raise ValueError(f"no network of the paper has the sizes {shape}")
+        return PaperTeam(**shape)
+    raise ValueError(f"its network is {kind!r}; known: {', '.join(KINDS)}")
+
+
+def shape_of(network: nn.Module) -> tuple[str, dict[str, int]]:
+    """Return the kind and the sizes of a network."""
+    if isinstance(network, TeamNetwork):
+        return "team", asdict(network.shape)
+    if isinstance(network, PaperTeam):
+        return "paper", {"window": network.window, "agents": network.agents, "planes": network.planes}
+    raise ValueError(f"{type(network).__name__} is no network that a checkpoint can hold")
+
+
+def describe(network: nn.Module, ruleset: Ruleset, training: Mapping[str, Any]) -> Manifest:
+    """Return the manifest of a network that was trained on a ruleset, with the features of today."""
+    kind, shape = shape_of(network)
+    return Manifest(
+        network=kind, shape=shape, features=FEATURES_VERSION, ruleset=ruleset.name, ruleset_hash=ruleset.hash,
+        training=dict(training),
+    )  # fmt: skip
+
+
+def save_checkpoint(path: Path, weights: Mapping[str, Tensor], manifest: Manifest) -> None:
+    """Write a checkpoint, all of it or nothing: what was there before stays until the new file is whole.
+
+    Raises
+    ------
+    ArenaError
+        It cannot be written, or is larger than a checkpoint may be.
+    """
+    tensors = {name: tensor.detach().to("cpu", torch.float32).contiguous() for name, tensor in weights.items()}
+    data = save(tensors, {_KEY: json.dumps({"format": FORMAT, **asdict(manifest)}, sort_keys=True)})
+    most = _most_bytes(manifest)
+    if len(data) > most:
+        raise ArenaError(f"the checkpoint {path} would take {len(data):,} bytes; {most:,} is the most")
+    write_whole(path, data)
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file so that nobody ever finds a part of it."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with beside.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise ArenaError(f"cannot write {path}: {error.strerror}; what was there before is kept") from error
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Return what a checkpoint says of itself.
+
+    Raises
+    ------
+    PolicyError
+        The file is not there, is no checkpoint, or is one of another version.
+    """
+    try:
+        size = path.stat().st_size
+        with safe_open(path, "pt") as file:  # reads no more than what stands before the tensors
+            text = (file.metadata() or {}).get(_KEY)
+    except OSError as error:
+        raise PolicyError(f"cannot read the checkpoint {path}: {error.strerror or error}") from error
+    except SafetensorError as error:
+        raise PolicyError(f"{path} is no safetensors file, or is cut short: {error}") from error
+    if text is None:
+        raise PolicyError(f"{path} holds tensors, but no manifest of ours; `arena train` writes one")
+    try:
+        facts = json.loads(text)
+        version = facts.pop("format")
+        if version == FORMAT:
+            manifest = Manifest(**facts)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise PolicyError(f"the manifest of the checkpoint {path} cannot be read") from error
+    if version != FORMAT:
+        raise PolicyError(f"the checkpoint {path} is of format {version}; this arena reads format {FORMAT}")
+    if size > _most_bytes(manifest):
+        raise PolicyError(f"the checkpoint {path} has {size:,} bytes; {_most_bytes(manifest):,} is the most")
+    return manifest
+
+
+def _most_bytes(manifest: Manifest) -> int:
+    agents = manifest.shape.get("agents") if manifest.network == "paper" else 1
+    return MOST_BYTES * (agents if isinstance(agents, int) and 1 <= agents <= MOST_AGENTS else 1)
+
+
+def load_checkpoint(path: Path) -> Checkpoint:
+    """Return the network of a file, ready to play.
+
+    Raises
+    ------
+    PolicyError
+        The file does not fit; the sentence says why.
+    """
+    manifest = read_manifest(path)
+    if manifest.network == "team" and manifest.features != FEATURES_VERSION:
+        raise PolicyError(
+            f"the checkpoint {path} was trained on features of version {manifest.features}; this arena has version "
+            f"{FEATURES_VERSION}"
+        )
+    try:
+        network = build_network(manifest.network, manifest.shape)
+    except (ValueError, TypeError, KeyError) as error:
+        raise PolicyError(f"the checkpoint {path} cannot be built: {error}") from error
+    with safe_open(path, "pt") as file:
+        weights = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no mapping
+    wanted = network.state_dict()
+    for name in sorted(wanted.keys() | weights.keys()):
+        if name not in weights or name not in wanted:
+            raise PolicyError(f"the checkpoint {path} {'lacks' if name in wanted else 'has an unknown'} tensor {name}")
+        if weights[name].shape != wanted[name].shape:
+            found, needed = list(weights[name].shape), list(wanted[name].shape)
+            raise PolicyError(f"in the checkpoint {path}, {name} has shape {found}; its network wants {needed}")
+        if not torch.isfinite(weights[name]).all():
+            raise PolicyError(f"in the checkpoint {path}, {name} holds numbers that are not finite")
+    network.load_state_dict(weights)
+    return Checkpoint(manifest=manifest, network=network.eval().requires_grad_(False))

@@ -1,0 +1,182 @@
+"""A trained network in a seat: loads a checkpoint, and plays as many seats at once as it is given."""
+
+import os
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from arena.game.observation import Observations, find_legal_actions
+from arena.game.ruleset import Ruleset
+from arena.game.types import Action, Team
+from arena.jit import jit
+from arena.policy import BatchPolicy, Orders
+from policies.chance import draw
+from policies.networks.checkpoint import Checkpoint, load_checkpoint
+from policies.networks.features import Encoded, Encoder
+from policies.networks.first_person import FirstPerson
+from policies.networks.models import Net, PaperTeam, TeamNetwork, channels_last
+
+CHUNK = 128
+"""Seats in one pass: as many as keep what lies between the layers in the cores' own memory."""
+_SMALLEST_BF16 = 16
+"""Seats from which on bf16 pays for its conversions."""
+
+
+def hold_threads() -> None:
+    """Keep torch to as many threads as OMP_NUM_THREADS says, or else to one: a fighter shares its machine."""
+    given = os.environ.get("OMP_NUM_THREADS", "")
+    torch.set_num_threads(int(given) if given.isdigit() and int(given) > 0 else 1)
+
+
+@cache
+def has_fast_bf16() -> bool:
+    """Whether the processor multiplies bf16 faster than fp32."""
+    return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())
+
+
+def as_bf16(network: Net) -> Net:
+    """Return a copy that computes in bf16, its convolutions laid out with the channels last."""
+    return channels_last(deepcopy(network).to(torch.bfloat16))
+
+
+@jit()
+def choose(logits: Any, seeds: Any, actions: Any) -> None:
+    """Draw an action for each unit, with chance from the seat's own seed of the tick.
+
+    Parameters
+    ----------
+    logits
+        float32, shape (n, units, actions).
+    seeds
+        uint64, shape (n,).
+    actions
+        int8, shape (n, units): written.
+    """
+    n_actions = logits.shape[2]
+    for seat in range(logits.shape[0]):
+        for unit in range(logits.shape[1]):
+            line = logits[seat, unit]
+            most = line[0]
+            for action in range(1, n_actions):
+                most = max(most, line[action])
+            total = 0.0
+            for action in range(n_actions):
+                total += np.exp(np.float64(line[action] - most))
+            left = draw(seeds[seat], unit)[3] / 4294967296.0 * total
+            actions[seat, unit] = 0
+            for action in range(n_actions):
+                weight = np.exp(np.float64(line[action] - most))
+                if weight > 0:
+                    actions[seat, unit] = action
+                    if left < weight:
+                        break
+                left -= weight
+
+
+class LearnedTeam(BatchPolicy):
+    """Plays a `TeamNetwork`, which may be exchanged while matches run."""
+
+    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, network: TeamNetwork) -> None:
+        super().__init__(ruleset, team, n_seats)
+        self._encoder = Encoder(ruleset, team, n_seats)
+        self._n_walkers = sum(not unit.flies for unit in ruleset.team(team))
+        self._actions = np.zeros((n_seats, len(ruleset.team(team))), np.int8)
+        self.use(network)
+
+    def use(self, network: TeamNetwork) -> None:
+        """Play with another network from now on."""
+        self._network = channels_last(network.eval())
+        self._fast = as_bf16(network) if has_fast_bf16() and self.n_seats >= _SMALLEST_BF16 else self._network
+
+    def start(self, seats: NDArray[np.intp]) -> None:
+        """Forget what was seen there."""
+        self._encoder.start(seats)
+
+    def act(self, observations: Observations, orders: Orders) -> None:
+        """Encode all seats, think about them in chunks, and draw."""
+        if not orders.shape[1]:
+            return
+        encoded = self._encoder.encode(observations)
+        choose(infer(self._fast, encoded, self._n_walkers), np.ascontiguousarray(observations.seed), self._actions)
+        orders[:] = self._encoder.to_board(self._actions)
+
+
+def infer(network: TeamNetwork, encoded: Encoded, n_walkers: int) -> NDArray[np.float32]:
+    """Return logits, float32, shape (n, units, actions), computed in chunks."""
+    arrays = [torch.from_numpy(array) for array in (encoded.planes, encoded.scalars, encoded.cell, encoded.legal)]
+    with torch.inference_mode():
+        chunks = zip(*(torch.split(array, CHUNK) for array in arrays), strict=True)
+        logits = [network(*chunk, n_walkers) for chunk in chunks]
+        return np.asarray(torch.cat(logits).numpy())
+
+
+class LearnedUnits(BatchPolicy):
+    """Plays a `PaperTeam`, which may be exchanged while matches run: each unit decides alone, from its own view."""
+
+    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, network: PaperTeam) -> None:
+        super().__init__(ruleset, team, n_seats)
+        self._flies = np.array([unit.flies for unit in ruleset.team(team)], np.uint8)
+        self._views = FirstPerson(team, ruleset.side, self._flies, n_seats, network.window)
+        self._actions = np.zeros((n_seats, len(self._flies)), np.int8)
+        self._unit = torch.arange(len(self._flies)).repeat(n_seats)
+        self.use(network)
+
+    def use(self, network: PaperTeam) -> None:
+        """Play with another network from now on."""
+        self._network = channels_last(network.eval())
+        self._fast = as_bf16(network) if has_fast_bf16() and self.n_seats >= _SMALLEST_BF16 else self._network
+
+    def act(self, observations: Observations, orders: Orders) -> None:
+        """Cut the views, and draw from what the network gives; a step that it cannot take is staying."""
+        if not orders.size:
+            return
+        views = torch.from_numpy(self._views.cut(observations)).flatten(0, 1)
+        logits = infer_units(self._fast, views, self._unit)
+        choose(logits.reshape(*self._actions.shape, -1), np.ascontiguousarray(observations.seed), self._actions)
+        drawn = self._views.to_board(self._actions)
+        legal = find_legal_actions(observations.ground, observations.side, observations.cell, observations.alive, self._flies)
+        orders[:] = np.where(np.take_along_axis(legal, drawn[..., None].astype(np.int64), 2)[..., 0], drawn, Action.STAY)
+
+
+def infer_units(network: PaperTeam, views: Tensor, unit: Tensor) -> NDArray[np.float32]:
+    """Return logits of views of units, float32, shape (n, actions), computed in chunks, on the network's own device."""
+    device = next(network.parameters()).device
+    size = CHUNK if device.type == "cpu" else max(len(views), 1)
+    with torch.inference_mode():
+        chunks = zip(torch.split(views.to(device), size), torch.split(unit.to(device), size), strict=True)
+        return np.asarray(torch.cat([network(*chunk) for chunk in chunks]).cpu().numpy())
+
+
+@dataclass(frozen=True, slots=True)
+class LearnedFactory:
+    """The `BatchFactory` of a checkpoint. Reading the file is what takes long, and is done before any seat is asked for."""
+
+    checkpoint: Checkpoint
+    most_seats: int = 256
+
+    def __call__(self, ruleset: Ruleset, team: Team, n_seats: int) -> BatchPolicy:
+        """Return the network in some seats."""
+        network = self.checkpoint.network
+        if isinstance(network, PaperTeam):
+            return LearnedUnits(ruleset, team, n_seats, network=network)
+        assert isinstance(network, TeamNetwork)  # `build_network` knows no other
+        return LearnedTeam(ruleset, team, n_seats, network=network)
+
+
+def load_learned(path: Path) -> LearnedFactory:
+    """Return the fighter of a checkpoint.
+
+    Raises
+    ------
+    PolicyError
+        The file does not fit.
+    """
+    hold_threads()
+    return LearnedFactory(load_checkpoint(path))

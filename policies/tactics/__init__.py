@@ -1,0 +1,1 @@
+"""From what is known to orders: moves, paths, odds, roles, lanes, lures and scouting."""

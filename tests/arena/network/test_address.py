@@ -1,0 +1,71 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from arena.errors import InputError
+from arena.network.address import DEFAULT_ENDPOINT, DEFAULT_PIT, Address, parse_address
+from arena.protocol.identity import PUBLIC_BYTES, to_text
+
+
+@given(
+    st.sampled_from(["127.0.0.1", "pit.example.org", "[::1]", "localhost"]),
+    st.integers(0, 65535),
+    st.from_regex(r"[A-Za-z0-9_-]{1,64}", fullmatch=True),
+    st.sampled_from(["tcp", "tls"]),
+    st.just("") | st.binary(min_size=PUBLIC_BYTES, max_size=PUBLIC_BYTES).map(to_text),
+)
+def test_an_address_is_read_as_it_is_printed(host: str, port: int, pit: str, protocol: str, fingerprint: str) -> None:
+    address = Address(endpoint=f"{protocol}/{host}:{port}", pit=pit, fingerprint=fingerprint)
+
+    assert parse_address(str(address)) == address
+
+
+@pytest.mark.parametrize(
+    "endpoint", ["tcp/127.0.0.1:7447", "tls/pit.example.org:7447", "unixsock-stream//tmp/pit.sock", "tcp/[::1]:1"]
+)
+def test_an_endpoint_is_an_address(endpoint: str) -> None:
+    assert parse_address(endpoint) == Address(endpoint=endpoint, pit=DEFAULT_PIT)
+
+
+def test_without_a_pit_it_is_the_usual_one() -> None:
+    assert parse_address("arena://127.0.0.1:7447") == Address(endpoint=DEFAULT_ENDPOINT)
+    assert parse_address("arena://127.0.0.1:7447/") == Address()
+
+
+def test_a_pit_behind_tls_has_a_scheme_of_its_own() -> None:
+    address = parse_address(f"arena+tls://pit.example.org:7447/melee#{'A' * 43}")
+
+    assert address == Address(endpoint="tls/pit.example.org:7447", pit="melee", fingerprint="A" * 43)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "nonsense",
+        "tcp/",
+        "tcp",
+        "carrier/pigeon",
+        "http://127.0.0.1:7447/pit",
+        "arena://",
+        "arena:///pit",
+        "arena://127.0.0.1/pit",
+        "arena://:7447/pit",
+        "arena://127.0.0.1:port/pit",
+        "arena://127.0.0.1:99999/pit",
+        "arena://127.0.0.1:1/a/b",
+        "arena://127.0.0.1:1/a*",
+        "arena://[::1/pit",
+        "arena+tls://127.0.0.1/pit",
+        "arena+carrier://127.0.0.1:1/pit",
+        "arena://127.0.0.1:1/pit#short",
+        f"arena://127.0.0.1:1/pit#{'A' * 44}",
+        f"arena://127.0.0.1:1/pit#{'A' * 42}*",
+        f"arena://127.0.0.1:1/pit#{'A' * 42}B",
+    ],
+)
+def test_what_is_no_address_is_refused_in_a_sentence(text: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_address(text)
+
+    assert "\n" not in str(caught.value)

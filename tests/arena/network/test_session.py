@@ -1,0 +1,143 @@
+"""With real sessions over loopback."""
+
+import ipaddress
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from queue import SimpleQueue
+from threading import Event
+
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+
+from arena.errors import InputError, LostPitError
+from arena.network.access import Certificate
+from arena.network.session import Broadcast, Session, free_port, open_client, open_router, read_payload
+
+WAIT_S = 10.0
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[Session, Session]]:
+    """A router, and a client of it."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with open_router(endpoint, "p") as router, open_client(endpoint) as client:
+        yield router, client
+
+
+def await_ears(broadcast: Broadcast, expected: bool) -> None:
+    tick = Event()
+    for _ in range(int(WAIT_S / 0.01)):
+        if broadcast.is_heard == expected:
+            return
+        tick.wait(0.01)
+    pytest.fail(f"is_heard stays {broadcast.is_heard}")
+
+
+def test_a_broadcast_knows_who_comes_and_goes(ends: tuple[Session, Session]) -> None:
+    router, client = ends
+    broadcast = router.broadcast("arena/p/match/m/public")
+    assert not broadcast.is_heard
+    heard: SimpleQueue[bytes] = SimpleQueue()
+
+    leave = client.subscribe("arena/p/match/*/public", lambda sample: heard.put(read_payload(sample)))
+    await_ears(broadcast, True)
+    broadcast.put(b"facts")
+
+    assert heard.get(timeout=WAIT_S) == b"facts"
+    leave()
+    await_ears(broadcast, False)
+    broadcast.end()
+
+
+def test_a_broadcast_that_begins_late_knows_who_is_there(ends: tuple[Session, Session]) -> None:
+    router, client = ends
+    first = router.broadcast("arena/p/match/m/public")
+    client.subscribe("arena/p/match/*/public", lambda sample: None)
+    await_ears(first, True)
+
+    assert router.broadcast("arena/p/match/n/public").is_heard
+
+
+def make_certificate(folder: Path, name: str, *, ca: bool = False) -> Certificate:
+    """Write a self-signed certificate of 127.0.0.1, and its key."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
+    names = x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))])
+    builder = x509.CertificateBuilder(subject, subject, key.public_key(), x509.random_serial_number())
+    now = datetime.now(UTC)
+    builder = builder.not_valid_before(now - timedelta(days=1)).not_valid_after(now + timedelta(days=1))
+    builder = builder.add_extension(x509.BasicConstraints(ca=ca, path_length=None), critical=True)
+    certificate = builder.add_extension(names, critical=False).sign(key, hashes.SHA256())
+    written = Certificate(certificate=folder / f"{name}.crt", key=folder / f"{name}.key")
+    written.certificate.write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
+    form = (serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    written.key.write_bytes(key.private_bytes(*form))
+    return written
+
+
+def test_tls_carries_messages_to_those_who_trust_the_certificate_only(tmp_path: Path) -> None:
+    endpoint = f"tls/127.0.0.1:{free_port()}"
+    certificate, other = make_certificate(tmp_path, "pit"), make_certificate(tmp_path, "other")
+    with open_router(endpoint, "p", certificate) as router:
+        for ca in (other.certificate, None):
+            with pytest.raises(LostPitError, match="with a certificate that we trust"):
+                open_client(endpoint, ca)
+
+        heard: SimpleQueue[bytes] = SimpleQueue()
+        router.subscribe("arena/p/match/*/*/action", lambda sample: heard.put(read_payload(sample)))
+        with open_client(endpoint, certificate.certificate) as client:
+            client.publisher("arena/p/match/m/blue/action")[0](b"stay")
+
+            assert heard.get(timeout=WAIT_S) == b"stay"
+
+
+@pytest.mark.parametrize(
+    ("certificate", "key", "said"),
+    [
+        ("absent", "pit.key", "cannot read .*absent: No such file"),
+        ("pit.crt", "absent", "cannot read .*absent: No such file"),
+        ("pit.crt", ".", "cannot read .*: Is a directory"),
+        ("junk", "pit.key", "must be PEM files"),
+        ("pit.crt", "junk", "must be PEM files"),
+        ("pit.key", "pit.crt", "must be PEM files"),
+        ("pit.crt", "other.key", "belongs to another certificate"),
+    ],
+)
+def test_a_router_says_what_is_wrong_with_a_certificate(tmp_path: Path, certificate: str, key: str, said: str) -> None:
+    make_certificate(tmp_path, "pit")
+    make_certificate(tmp_path, "other")
+    (tmp_path / "junk").write_text("junk")
+    given = Certificate(certificate=tmp_path / certificate, key=tmp_path / key)
+
+    with pytest.raises(InputError, match=said):
+        open_router(f"tls/127.0.0.1:{free_port()}", "p", given)
+
+
+def test_a_certificate_that_no_client_would_take_is_refused(tmp_path: Path) -> None:
+    """As `openssl req -x509` makes it, unless it is told otherwise."""
+    certificate = make_certificate(tmp_path, "pit", ca=True)
+
+    with pytest.raises(InputError, match="CA:FALSE, as by openssl"):
+        open_router(f"tls/127.0.0.1:{free_port()}", "p", certificate)
+
+
+def test_tls_and_a_certificate_go_together(tmp_path: Path) -> None:
+    certificate = make_certificate(tmp_path, "pit")
+
+    with pytest.raises(InputError, match="tls/ needs a certificate"):
+        open_router(f"tls/127.0.0.1:{free_port()}", "p")
+    with pytest.raises(InputError, match="tcp/ takes none"):
+        open_router(f"tcp/127.0.0.1:{free_port()}", "p", certificate)
+    with pytest.raises(InputError, match="is not encrypted"):
+        open_client(f"tcp/127.0.0.1:{free_port()}", certificate.certificate)
+
+
+@pytest.mark.parametrize(("ca", "said"), [("absent", "cannot read"), ("pit.key", "holds no certificate")])
+def test_a_client_says_what_is_wrong_with_the_certificates_it_trusts(tmp_path: Path, ca: str, said: str) -> None:
+    make_certificate(tmp_path, "pit")
+
+    with pytest.raises(InputError, match=said):
+        open_client(f"tls/127.0.0.1:{free_port()}", tmp_path / ca)

@@ -1,0 +1,169 @@
+from typing import Any
+
+import pytest
+
+from arena.game.keys import MatchKeys
+from arena.game.types import RULES_VERSION, Team
+from arena.local.venue import MatchPlan
+from arena.pit.seating import OpenSeating, Pairing, PlannedSeating, SeatId
+from arena.protocol.messages import Closed, JoinRequest, Refusal, Wait
+
+KEYS = MatchKeys(map_key=bytes(32), match_key=bytes(32))
+
+
+def plan(blue: str, red: str, number: int = 0) -> MatchPlan:
+    return MatchPlan(identity=f"{number}/{blue}/{red}", blue=blue, red=red, keys=KEYS)
+
+
+def ask(seating: Any, name: str, team: str = "any", slot: int = 0) -> Any:
+    """Ask for a seat as the process of an entry, and show a pairing as who sits where."""
+    request = JoinRequest(rules_version=RULES_VERSION, name=name, team=team, client=name, slot=slot)
+    answer = seating.place(seat(name, slot), request)
+    if isinstance(answer, Pairing):
+        return answer.plan.identity, answer.seats[Team.BLUE], answer.seats[Team.RED]
+    return answer
+
+
+def seat(name: str, slot: int = 0) -> SeatId:
+    return SeatId(name.encode(), name, slot)
+
+
+# Whoever comes
+
+
+def open_seating(n_matches: int | None = None) -> OpenSeating:
+    return OpenSeating(plan, n_matches)
+
+
+def test_a_match_begins_when_a_red_and_a_blue_seat_are_taken() -> None:
+    seating = open_seating()
+
+    assert isinstance(ask(seating, "ann", "red"), Wait)
+    assert ask(seating, "bob", "blue") == ("0/bob/ann", seat("bob"), seat("ann"))
+    assert isinstance(ask(seating, "cid", "red"), Wait)
+
+
+@pytest.mark.parametrize(("taken", "left"), [("blue", "red"), ("red", "blue"), ("any", "red")])
+def test_any_gets_the_free_team(taken: str, left: str) -> None:
+    seating = open_seating()
+    ask(seating, "ann", taken)
+
+    answer = ask(seating, "bob")
+
+    assert answer[2 if left == "red" else 1] == seat("bob")
+
+
+def test_a_taken_team_is_refused_with_a_hint() -> None:
+    seating = open_seating()
+    ask(seating, "ann", "red")
+
+    assert ask(seating, "bob", "red") == Refusal(reason="red is taken, by ann; try blue: it is free")
+
+
+def test_asking_again_keeps_the_seat() -> None:
+    seating = open_seating()
+
+    assert isinstance(ask(seating, "ann", "red"), Wait)
+    assert isinstance(ask(seating, "ann", "red"), Wait)
+    assert isinstance(ask(seating, "ann", "blue"), Wait), "a seat does not play against itself"
+
+
+def test_who_goes_frees_the_team() -> None:
+    seating = open_seating()
+    ask(seating, "ann", "red")
+
+    seating.forget(seat("ann"))
+    seating.forget(seat("nobody"))
+
+    assert isinstance(ask(seating, "bob", "red"), Wait)
+
+
+def test_two_slots_of_one_process_may_meet() -> None:
+    seating = open_seating()
+    ask(seating, "ann", slot=0)
+
+    assert ask(seating, "ann", slot=1) == ("0/ann/ann", seat("ann", 0), seat("ann", 1))
+
+
+def test_after_the_last_match_the_pit_is_closed() -> None:
+    seating = open_seating(n_matches=1)
+    assert not seating.is_done
+    ask(seating, "ann")
+    ask(seating, "bob")
+
+    assert seating.is_done
+    assert isinstance(ask(seating, "ann"), Closed)
+
+
+def test_a_closed_pit_begins_nothing() -> None:
+    seating = open_seating()
+    ask(seating, "ann")
+
+    seating.close()
+
+    assert seating.is_done
+    assert isinstance(ask(seating, "bob"), Closed)
+
+
+# A league
+
+
+def test_the_first_match_whose_entries_are_there_begins() -> None:
+    seating = PlannedSeating([plan("ann", "bob", 0), plan("cid", "ann", 1), plan("ann", "cid", 2)])
+
+    assert isinstance(ask(seating, "ann"), Wait)
+    assert ask(seating, "cid") == ("1/cid/ann", seat("cid"), seat("ann"))
+    assert isinstance(ask(seating, "bob"), Wait)
+    assert ask(seating, "ann") == ("0/ann/bob", seat("ann"), seat("bob"))
+    assert not seating.is_done
+
+
+def test_an_entry_whose_matches_have_all_begun_is_sent_home() -> None:
+    seating = PlannedSeating([plan("ann", "bob")])
+    ask(seating, "ann")
+    ask(seating, "bob")
+
+    assert seating.is_done
+    assert ask(seating, "ann") == Closed(reason="all matches of ann have begun")
+
+
+def test_a_stranger_is_refused() -> None:
+    assert ask(PlannedSeating([plan("ann", "bob")]), "eve") == Refusal(reason="eve is no entry of this league")
+
+
+def test_who_goes_is_not_waited_for() -> None:
+    seating = PlannedSeating([plan("ann", "bob")])
+    ask(seating, "ann")
+    seating.forget(seat("ann"))
+    seating.forget(seat("ann"))
+
+    assert isinstance(ask(seating, "bob"), Wait)
+
+
+def test_an_entry_meets_itself_with_two_seats() -> None:
+    seating = PlannedSeating([plan("ann", "ann")])
+
+    assert isinstance(ask(seating, "ann", slot=0), Wait)
+    assert isinstance(ask(seating, "ann", slot=0), Wait)
+    assert ask(seating, "ann", slot=1) == ("0/ann/ann", seat("ann", 0), seat("ann", 1))
+
+
+def test_matches_that_run_already_are_off_the_plan() -> None:
+    seating = PlannedSeating([plan("ann", "bob", 0), plan("bob", "ann", 1)])
+
+    seating.withdraw(["0/ann/bob"])
+    ask(seating, "ann")
+
+    assert ask(seating, "bob")[0] == "1/bob/ann"
+    assert seating.is_done
+
+
+def test_a_process_with_many_slots_plays_many_matches_at_once() -> None:
+    seating = PlannedSeating([plan("ann", "bob", number) for number in range(3)])
+    for slot in range(3):
+        ask(seating, "ann", slot=slot)
+
+    begun = [ask(seating, "bob", slot=slot) for slot in range(3)]
+
+    assert [identity for identity, _, _ in begun] == ["0/ann/bob", "1/ann/bob", "2/ann/bob"]
+    assert {blue for _, blue, _ in begun} == {seat("ann", slot) for slot in range(3)}

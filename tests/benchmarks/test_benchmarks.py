@@ -1,0 +1,145 @@
+"""Benchmarks: what they give, tried with sizes that measure nothing."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import benchmarks.local
+import benchmarks.policies
+from arena.errors import InputError
+from arena.local import venue as local
+from benchmarks import kernel
+from benchmarks.measuring import rates as measure
+from policies.registry import names
+from tournaments.commands import bench
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+A_YARDSTICK = """
+class Games:
+    def __init__(self, n_games):
+        self.n_games = n_games
+
+    def step(self, orders, mode):
+        assert orders.shape == (self.n_games, 12)
+        assert mode == 5
+"""
+
+
+@pytest.fixture(autouse=True)
+def _in_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ARENA_YARDSTICK", raising=False)
+    for function, defaults in ((measure.rate, (0.001,)), (measure.threaded_rate, (0.001,)), (measure.median_rate, (1,))):
+        monkeypatch.setattr(function, "__defaults__", defaults)
+    monkeypatch.setattr(measure.paired_rates, "__defaults__", (2,))
+    for module in (kernel, benchmarks.policies, benchmarks.local):
+        monkeypatch.setattr(module, "RUNS", 1)
+
+
+def is_positive(value: object) -> bool:
+    return all(map(is_positive, value.values())) if isinstance(value, dict) else isinstance(value, int | float) and value > 0
+
+
+def test_the_kernel_s_headline_is_of_batch_64_and_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel, "BATCHES", (1, 64))
+    said: list[str] = []
+
+    results = kernel.run(said.append)
+
+    assert list(results) == ["paper", "gym-cap"]
+    for figures in results.values():
+        assert set(figures) == {"ticks_per_s", "batch"}
+        assert figures["ticks_per_s"] == figures["batch"]["64"]["one_thread"]
+        assert {key: set(row) for key, row in figures["batch"].items()} == {
+            size: {"one_thread", "two_threads", "two_over_one"} for size in ("1", "64")
+        }
+    assert is_positive(results)
+    assert json.loads(json.dumps(results)) == results
+    assert said[0] == "paper, batch 1"
+
+
+def test_the_kernel_is_held_against_a_yardstick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "ctfkernel.py").write_text(A_YARDSTICK)
+    monkeypatch.setenv("ARENA_YARDSTICK", str(tmp_path))
+    monkeypatch.setattr(kernel, "BATCHES", (64,))
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.delitem(sys.modules, "ctfkernel", raising=False)
+
+    results = kernel.run(lambda _: None)
+
+    assert all(set(figures["yardstick"]) == {"ours", "yardstick", "ratio"} for figures in results.values())
+    monkeypatch.delitem(sys.modules, "ctfkernel")
+
+
+def test_a_yardstick_that_is_not_there_is_said_before_anything_is_measured(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, arena: Run
+) -> None:
+    monkeypatch.setenv("ARENA_YARDSTICK", str(tmp_path))
+
+    with pytest.raises(InputError, match=r"there is no ctfkernel.py"):
+        kernel.run(pytest.fail)
+    done = arena("bench", "kernel", "--json")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"arena: ARENA_YARDSTICK is {tmp_path}; there is no ctfkernel.py\n"
+
+
+def test_every_fighter_is_measured_in_a_batch_and_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(benchmarks.policies, "_TICKS", {1024: 2, 1: 3})
+
+    results = benchmarks.policies.run(lambda _: None)
+
+    assert list(results) == names()
+    assert {tuple(row) for row in results.values()} == {("batch_1024_ns", "batch_1_ns", "batch_1_p99_ns")}
+    assert is_positive(results)
+
+
+def test_the_local_venue_is_measured_with_its_journals(monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[int] = []
+
+    def play(*arguments: Any, journals: Path) -> Any:
+        yield from local.play(*arguments, journals=journals, n_workers=1)
+        written.append(len(list(journals.glob("*.journal"))))
+
+    monkeypatch.setattr(benchmarks.local, "N_PAIRS", 2)
+    monkeypatch.setattr(benchmarks.local, "play", play)
+
+    results = benchmarks.local.local(lambda _: None)
+
+    assert list(results) == ["ticks_per_s", "matches_per_s", "ticks_per_match"]
+    assert is_positive(results)
+    assert written == [4, 4]
+
+
+def test_a_rate_is_work_over_time() -> None:
+    assert measure.rate(lambda: 0) == 0
+    assert measure.median_rate(lambda: 3, runs=3) > 0
+    assert measure.threaded_rate([lambda: 1, lambda: 1]) > 0
+    one, other, ratio = measure.paired_rates(lambda: 2, lambda: 2)
+    assert min(one, other, ratio) > 0
+
+
+def test_bench_lists_what_can_be_measured(arena: Run) -> None:
+    done = arena("bench", "--json")
+
+    assert {"kernel", "policies", "local"} <= set(json.loads(done.stdout))
+    assert done.returncode == 0
+
+
+def test_minutes_are_told_to_those_who_take_them(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def quick(progress: Any) -> dict[str, Any]:
+        return {"ran": True}
+
+    def long(progress: Any, minutes: float = 2.0) -> dict[str, Any]:
+        return {"minutes": minutes}
+
+    monkeypatch.setattr(bench, "_find", lambda: {"quick": lambda: quick, "long": lambda: long})
+
+    for minutes, told in ((None, 2.0), (0.5, 0.5)):
+        bench.bench([], run_all=True, minutes=minutes, as_json=True)
+        assert json.loads(capsys.readouterr().out) == {"long": {"minutes": told}, "quick": {"ran": True}}
+    with pytest.raises(InputError, match=r"--minutes is for benchmarks .*; quick do not"):
+        bench.bench(["quick"], minutes=1.0)

@@ -1,0 +1,261 @@
+"""The screen of a person in the terminal, driven by textual's pilot, in matches without a network."""
+
+import asyncio
+import threading
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Static
+
+from arena.errors import LostPitError
+from arena.game.keys import MatchKeys
+from arena.game.ruleset import Ruleset, load, to_dict
+from arena.game.types import Action, Code, Team
+from arena.match.effects import Ask, End
+from arena.match.match import Match, TimeControl
+from arena.protocol.messages import Ended, Ticket, Turn
+from arena.records.journal import Header
+from clients.human.turn_mailbox import Desk
+from clients.seat import Seat, Thinking
+from clients.terminal.app import Over, Pit
+from policies import registry
+
+PATIENCE_S = 60.0
+RULES = load("paper")
+BOARD = RULES.with_({"board": "f...u...\nu.......\n.##.....\n........\na.......\n........\n....U...\nF.......\n"})
+
+
+class Venue:
+    """A match of a person, in red, against a script, on a thread of its own as a runner plays it."""
+
+    def __init__(self, desk: Desk, ruleset: Ruleset, opponent: str = "patrol") -> None:
+        self.desk, self.ruleset, self.opponent = desk, ruleset, opponent
+        self.failure: LostPitError | None = None
+        self.stopped, self.woken = threading.Event(), threading.Event()
+        keys = MatchKeys(map_key=b"\x05" * 32, match_key=b"\x08" * 32)
+        header = Header(identity="m", blue=opponent, red="me", ruleset=ruleset, keys=keys)
+        self.match = Match(header, TimeControl(turn_time_s=None), 0.0)
+        desk.wake = self.woken.set
+
+    def ticket(self, team: Team) -> Ticket:
+        return Ticket(
+            match="m", team=int(team), ruleset={"name": "r", **to_dict(self.ruleset)}, opponent=self.opponent, turn_time_s=None,
+            bank_s=0.0, tick=0, secret=bytes(32), commitment=b"",
+        )  # fmt: skip
+
+    def stop(self) -> None:
+        self.stopped.set()
+        self.woken.set()
+
+    def run(self) -> None:
+        if self.failure is not None:
+            raise self.failure
+        makes = {Team.BLUE: registry.load(self.opponent), Team.RED: self.desk.make}
+        seats = {team: Seat(self.ticket(team), bytes(32), make) for team, make in makes.items()}
+        self.desk.meet(seats[Team.RED])
+        events = [event for team in Team for event in self.match.ready(team, 0.0)]
+        while events and not self.stopped.is_set():
+            event = events.pop(0)
+            if isinstance(event, Ask):
+                answer: Any = self._ask(seats[event.team], Turn(tick=event.tick, observation=event.observation))
+                if answer is not None:
+                    events += self.match.submit(event.team, answer.tick, answer.actions, 0.0)
+            elif isinstance(event, End):
+                words = event.result.in_words()
+                seats[Team.RED].receive(Ended(match="m", **words))
+
+    def _ask(self, seat: Seat, turn: Turn) -> Any:
+        while not self.stopped.is_set():
+            self.woken.clear()
+            try:
+                return seat.receive(turn)
+            except Thinking:
+                assert self.woken.wait(PATIENCE_S)
+        return None
+
+
+Play = Callable[["Pilot[None]", Pit, Desk], Awaitable[None]]
+
+
+def on_screen(play: Play, *, ruleset: Ruleset = BOARD, size: tuple[int, int] = (100, 30), autopilot: str = "") -> Pit:
+    """Run a screen, and return it once it has ended."""
+    desk = Desk(autopilot)
+    venue = Venue(desk, ruleset)
+    app = Pit(desk, venue.run, venue.stop)
+
+    async def run() -> None:
+        async with app.run_test(size=size) as pilot:
+            await until(pilot, lambda: desk.picture() is not None)
+            await play(pilot, app, desk)
+
+    try:
+        asyncio.run(asyncio.wait_for(run(), PATIENCE_S))
+    finally:
+        app.close()
+    return app
+
+
+async def until(pilot: "Pilot[None]", is_so: Callable[[], bool]) -> None:
+    """Let the screen work until something holds; `on_screen` ends it if that takes too long."""
+    while not is_so():
+        await pilot.pause()
+    await pilot.pause()
+
+
+def text_of(app: Pit, part: str) -> str:
+    return str(app.query_one(f"#{part}", Static).render())
+
+
+def units(desk: Desk) -> list[Any]:
+    picture = desk.picture()
+    assert picture is not None
+    return list(picture.units)
+
+
+def test_units_are_chosen_by_number_and_sent_by_arrows_and_letters() -> None:
+    async def play(pilot: "Pilot[None]", app: Pit, desk: Desk) -> None:
+        await pilot.press("0", "right", "1", "d", "2", "down")
+        await until(pilot, lambda: desk.commander is not None and desk.commander.tick == 1)  # the last order ended the turn
+        assert [unit.cell for unit in units(desk)] == [(0, 5), (1, 1), (7, 0)]
+        assert [unit.action for unit in units(desk)] == [Action.EAST, Action.EAST, Action.SOUTH]
+        await pilot.press("1", "x", "enter")
+        await until(pilot, lambda: desk.commander is not None and desk.commander.tick == 2)
+        assert [unit.cell for unit in units(desk)] == [(0, 6), (1, 1), (7, 0)]
+        await pilot.press("0", "space", "tab", "s")
+        assert [unit.action for unit in units(desk)] == [Action.STAY, Action.STAY, Action.SOUTH]
+        assert "it may not go south" in text_of(app, "news")
+
+    on_screen(play)
+
+
+@pytest.mark.parametrize(("size", "columns"), [((100, 30), 2), ((40, 40), 1)])
+def test_a_click_chooses_a_unit_and_sends_it_to_the_cell(size: tuple[int, int], columns: int) -> None:
+    async def play(pilot: "Pilot[None]", app: Pit, desk: Desk) -> None:
+        await pilot.click(app.board, offset=(0, 1))
+        assert desk.commander is not None
+        assert desk.commander.selected == 1
+        await pilot.click(app.board, offset=(3 * columns, 3))
+        assert units(desk)[1].target == (3, 3)
+        await pilot.click(app.board, offset=(1 * columns, 2))
+        assert "no way is known to that cell" in text_of(app, "news")
+        assert units(desk)[1].target == (3, 3)
+
+    on_screen(play, size=size)
+
+
+def test_the_screen_says_what_to_do_what_a_unit_may_do_and_what_time_is_left() -> None:
+    async def play(pilot: "Pilot[None]", app: Pit, desk: Desk) -> None:
+        await pilot.press("1")
+        assert "You are red against patrol. Find their flag F" in text_of(app, "goal").replace("\n", " ")
+        assert "your turn, no clock" in text_of(app, "turn")
+        options = text_of(app, "options")
+        assert "unit 1 (ugv) sees 3 cells, fights within 2" in options
+        assert "south an obstacle" not in options
+        assert "west  the board ends" in options
+        assert "east  to 1,1" in options
+        help_lines = text_of(app, "help")
+        for key in ("0-9", "Tab", "arrows", "WASD", "click", "space", "Enter", "x:", "p:", "m:", "q:"):
+            assert key in help_lines
+
+    on_screen(play)
+
+
+def test_everything_fits_80_columns_and_24_rows() -> None:
+    async def play(pilot: "Pilot[None]", app: Pit, desk: Desk) -> None:
+        await pilot.press("1")
+        for part in ("turn", "goal", "units", "options", "news", "help", "legend"):
+            region = app.query_one(f"#{part}").region
+            assert region.height > 0, part
+            assert region.bottom <= 24, part
+            assert region.right <= 80, part
+        assert (app.board.region.width, app.board.region.height) == (40, 20)
+        assert max(map(len, text_of(app, "help").splitlines())) <= 80
+
+    on_screen(play, ruleset=RULES, size=(80, 24))
+
+
+def test_memory_is_shown_until_it_is_put_away() -> None:
+    async def play(pilot: "Pilot[None]", app: Pit, desk: Desk) -> None:
+        for _ in range(6):
+            tick = desk.commander.tick if desk.commander else 0
+            await pilot.press("enter")
+            await until(pilot, lambda tick=tick: not desk.is_playing or desk.commander.tick > tick)  # type: ignore[misc, union-attr]
+        picture = desk.picture()
+        assert picture is not None
+        remembered = np.argwhere((picture.known != Code.HIDDEN) & (picture.grid == Code.HIDDEN))
+        assert len(remembered)
+        row, column = (int(value) for value in remembered[0])
+        with_memory = app.board.render().plain.split("\n")[row][2 * column]
+        await pilot.press("m")
+        without = app.board.render().plain.split("\n")[row][2 * column]
+        assert (with_memory != " ", without) == (True, " ")
+
+    on_screen(play, ruleset=RULES, autopilot="rush")
+
+
+def test_a_whole_match_is_played_with_enter_and_an_autopilot_and_its_result_is_shown() -> None:
+    async def play(pilot: "Pilot[None]", app: Pit, desk: Desk) -> None:
+        while desk.is_playing:
+            await pilot.press("enter")
+        await until(pilot, lambda: isinstance(app.screen, Over))
+        assert desk.result is not None
+        told = str(app.screen.query_one(Static).render())
+        assert f"after {desk.result.ticks} ticks" in told
+        assert "as red by" in told
+        assert "Press Enter" in told
+        assert app.is_running
+        await pilot.press("enter")
+        await until(pilot, lambda: not app.is_running)
+
+    assert on_screen(play, ruleset=RULES, autopilot="rush").failure is None
+
+
+def test_the_autopilot_is_changed_by_a_key() -> None:
+    async def play(pilot: "Pilot[None]", app: Pit, desk: Desk) -> None:
+        await pilot.press("p")
+        await until(pilot, lambda: desk.autopilot == next(iter(registry.OWN)))
+        assert all(unit.is_autopilot for unit in units(desk))
+        assert f"autopilot: {desk.autopilot}" in text_of(app, "news")
+
+    on_screen(play)
+
+
+def test_a_match_is_left_only_when_asked_twice() -> None:
+    async def play(pilot: "Pilot[None]", app: Pit, desk: Desk) -> None:
+        await pilot.press("q")
+        assert "press q again to leave" in text_of(app, "news")
+        await pilot.press("1", "q")
+        assert app.is_running
+        assert app.return_value is None
+        await pilot.press("q")
+        await until(pilot, lambda: not app.is_running)
+
+    on_screen(play)
+
+
+def test_a_clock_that_falls_into_the_end_of_the_screen_does_not_break_it() -> None:
+    async def play(pilot: "Pilot[None]", app: Pit, desk: Desk) -> None:
+        await app.screen.remove_children()  # as the end does, with the clock still ticking
+        app.draw()
+        await pilot.pause(0.3)
+
+    on_screen(play)
+
+
+def test_a_pit_that_is_lost_ends_the_screen_and_says_why() -> None:
+    desk = Desk()
+    venue = Venue(desk, BOARD)
+    venue.failure = LostPitError("no pit answers")
+    app = Pit(desk, venue.run, venue.stop)
+
+    async def run() -> None:
+        async with app.run_test() as pilot:
+            await until(pilot, lambda: not app.is_running)
+
+    asyncio.run(asyncio.wait_for(run(), PATIENCE_S))
+    app.close()
+
+    assert app.failure is venue.failure

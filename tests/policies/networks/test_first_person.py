@@ -1,0 +1,51 @@
+"""The paper's view of one unit: against a slow reading of section 3 and Figure 3."""
+
+import numpy as np
+import pytest
+
+from arena.envs.batched import BatchedEnv
+from arena.game.ruleset import load
+from arena.game.types import FLAGS, HALVES, UAVS, UGVS, Code, Team
+from policies.networks.first_person import FirstPerson
+
+PAPER = load("paper")
+
+
+def view_of(grid: np.ndarray, team: Team, row: int, column: int, window: int) -> np.ndarray:
+    """Return a unit's view, cell by cell."""
+    side = len(grid)
+    own_columns = np.argwhere(grid == HALVES[team])[:, 1]
+    is_turned = (own_columns >= side // 2).mean() > 0.5
+    if is_turned:
+        grid, column = grid[:, ::-1], side - 1 - column
+    new = {int(code): int(code) for code in Code}
+    if team is Team.RED:
+        for blue, red in (HALVES, FLAGS, UGVS, UAVS):
+            new[int(blue)], new[int(red)] = int(red), int(blue)
+    view = np.full((window, window), Code.HIDDEN, np.int8)
+    for r in range(window):
+        for c in range(window):
+            there_row, there_column = row + r - window // 2, column + c - window // 2
+            if 0 <= there_row < side and 0 <= there_column < side:
+                view[r, c] = new[int(grid[there_row, there_column])]
+    return view
+
+
+@pytest.mark.parametrize("team", Team)
+@pytest.mark.parametrize(("side", "window"), [(20, 20), (28, 20), (16, 20), (20, 12)])
+def test_views_are_the_board_around_each_unit(team: Team, side: int, window: int) -> None:
+    ruleset, rng = PAPER.with_({"side": side}), np.random.default_rng(1)
+    env = BatchedEnv(ruleset, 6, seed=2)
+    flies = np.array([unit.flies for unit in ruleset.team(team)], np.uint8)
+    cutter, turned = FirstPerson(team, side, flies, 6, window), set()
+    for _ in range(25):
+        seen = env.observe()[team]
+        views = cutter.cut(seen)
+        turned |= set(cutter.is_turned.tolist())
+        for seat in range(6):
+            told = seen.seat(seat, ruleset)
+            for unit in told.units:
+                wanted = view_of(told.grid, team, unit.row, unit.column, window) if unit.alive else np.full((window, window), -1)
+                np.testing.assert_array_equal(views[seat, unit.index], wanted)
+        env.step({one: rng.integers(0, 5, (6, 6)).astype(np.int8) for one in Team})
+    assert turned == {0, 1}

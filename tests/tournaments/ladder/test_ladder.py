@@ -1,0 +1,195 @@
+"""The ladder over its store, on each database: what is counted, and what a pit that comes back finds."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from arena.errors import ArenaError
+from arena.game.types import Team, Termination
+from arena.pit.ladder import LadderMatch, Waiting
+from arena.policy import MatchResult
+from arena.protocol.identity import to_text
+from tournaments.ladder.ladder import RatedLadder, open_ladder
+from tournaments.ladder.ladder_store import LadderStore, TakenLadderError
+from tournaments.ladder.skill import Player, rate
+from tournaments.reports.ladder_table import render_ladder
+from tournaments.store.schema import StoreError
+
+KEYS = {name: bytes([number]) * 32 for number, name in enumerate(("ann", "bob", "cid"))}
+RULES = "5" * 64
+
+
+def match(
+    number: int, winner: Team | None = Team.BLUE, ending: Termination = Termination.CAPTURE, blue: str = "ann", red: str = "bob"
+) -> Any:
+    return LadderMatch(
+        identity=f"pit/ladder/{number:06}/{blue}/{red}",
+        names={Team.BLUE: blue, Team.RED: red},
+        entries={Team.BLUE: KEYS[blue], Team.RED: KEYS[red]},
+        rules_hash=RULES,
+        result=MatchResult(ending=ending, winner=winner, score=0, ticks=9, reason=""),
+    )
+
+
+def wait(*names: str) -> list[Waiting]:
+    return [Waiting(entry=KEYS[name], since_s=0.0) for name in names]
+
+
+def record(ladder: RatedLadder) -> dict[str, tuple[int, int, int]]:
+    return {row["name"]: (row["wins"], row["draws"], row["losses"]) for row in ladder.standings()}
+
+
+@pytest.fixture
+def ladder(tmp_path: Path) -> Iterator[RatedLadder]:
+    with open_ladder(str(tmp_path / "arena.db"), "pit", RULES) as opened:
+        yield opened
+
+
+def test_a_pit_that_comes_back_goes_on_with_the_same_ratings(store_url: str) -> None:
+    with open_ladder(store_url, "pit", RULES) as ladder:
+        assert ladder.standings() == []
+        for number, winner in enumerate((Team.BLUE, None, Team.RED, Team.BLUE)):
+            ladder.count(match(number, winner))
+        before = ladder.standings()
+
+    with open_ladder(store_url, "pit", RULES) as ladder:
+        assert ladder.standings() == before
+        assert record(ladder) == {"ann": (2, 1, 1), "bob": (1, 1, 2)}
+        ladder.count(match(4))
+        assert record(ladder)["ann"] == (3, 1, 1)
+
+
+def test_the_stored_ratings_are_those_of_the_stored_matches_in_their_order(store_url: str) -> None:
+    matches = [match(number, (Team.BLUE, Team.RED, None)[number % 3]) for number in range(9)]
+    with open_ladder(store_url, "pit", RULES) as ladder:
+        for one in matches:
+            ladder.count(one)
+
+    players = {team: Player(key=to_text(KEYS[name]), name=name) for team, name in ((Team.BLUE, "ann"), (Team.RED, "bob"))}
+    for one in matches:
+        players = rate(players, one.result)
+    with LadderStore(store_url, make=False) as store:
+        assert sorted(store.players("pit"), key=lambda player: player.name) == list(players.values())
+
+
+def test_a_match_is_counted_once_whoever_brings_it(store_url: str) -> None:
+    winner = {Team.BLUE: Player(key="a", name="ann", mu=30.0), Team.RED: Player(key="b", name="bob", mu=20.0)}
+    other = {team: Player(key=player.key, name=player.name, mu=1.0) for team, player in winner.items()}
+    with LadderStore(store_url) as store:
+        assert store.count_match("pit", match(1), winner)
+        assert not store.count_match("pit", match(1, Team.RED), other)
+
+        assert {player.name: player.mu for player in store.players("pit")} == {"ann": 30.0, "bob": 20.0}
+        assert store.counted("pit") == {match(1).identity}
+
+
+def test_a_void_match_is_kept_and_moves_nothing(ladder: RatedLadder, tmp_path: Path) -> None:
+    ladder.count(match(0))
+    before = ladder.standings()
+
+    ladder.count(match(1, None, Termination.VOID))
+    ladder.count(match(2, None, Termination.VOID, red="cid"))
+    ladder.close()
+
+    assert ladder.standings() == before
+    assert len(ladder.identities()) == 3
+    with LadderStore(str(tmp_path / "arena.db"), make=False) as store:
+        assert {player.name for player in store.players("pit")} == {"ann", "bob"}
+
+
+def test_an_entry_is_its_key_and_shown_under_its_last_name(ladder: RatedLadder) -> None:
+    KEYS["anna"] = KEYS["ann"]
+    ladder.count(match(0))
+    ladder.count(match(1, blue="anna"))
+
+    assert record(ladder) == {"anna": (2, 0, 0), "bob": (0, 0, 2)}
+
+
+def test_whoever_was_blue_less_often_is_blue(ladder: RatedLadder) -> None:
+    ladder.count(match(0))
+
+    blue, red = ladder.choose(wait("ann", "bob"), 60.0) or pytest.fail("nobody was chosen")
+
+    assert (blue.entry, red.entry) == (KEYS["bob"], KEYS["ann"])
+
+
+def test_those_who_met_last_do_not_meet_at_once_while_another_waits(ladder: RatedLadder) -> None:
+    assert ladder.choose(wait("ann", "bob"), 0.0) is not None
+
+    assert ladder.choose(wait("ann", "bob"), 0.0) is None
+    chosen = ladder.choose(wait("ann", "bob", "cid"), 0.0)
+
+    assert chosen is not None
+    assert KEYS["cid"] in [one.entry for one in chosen]
+
+
+def test_a_strong_entry_waits_longer_for_a_weak_one(ladder: RatedLadder) -> None:
+    for number in range(30):
+        ladder.count(match(number))
+
+    assert ladder.choose(wait("ann", "bob"), 0.5) is None
+    assert ladder.choose(wait("ann", "bob"), 60.0) is not None
+
+
+def test_two_pits_of_one_name_do_not_share_a_ladder(store_url: str) -> None:
+    with (
+        open_ladder(store_url, "pit", RULES),
+        pytest.raises(TakenLadderError, match="another pit of the name pit"),
+        open_ladder(store_url, "pit", RULES),
+    ):
+        pytest.fail("it was opened twice")
+
+
+def test_pits_of_other_names_have_ladders_of_their_own(store_url: str) -> None:
+    with open_ladder(store_url, "pit", RULES) as one, open_ladder(store_url, "pond", RULES) as other:
+        one.count(match(0))
+
+        assert other.standings() == []
+
+
+def test_other_rules_are_refused(store_url: str) -> None:
+    with open_ladder(store_url, "pit", RULES) as ladder:
+        ladder.count(match(0))
+
+    with pytest.raises(StoreError, match=r"under other rules .5555.*these are 6666"), open_ladder(store_url, "pit", "6" * 64):
+        pytest.fail("it was opened")
+    with open_ladder(store_url, "pond", "6" * 64):
+        pass
+
+
+def test_a_store_that_fails_stops_the_pit_with_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> bool:
+        raise StoreError("the disk is full")
+
+    ladder = RatedLadder(LadderStore(str(tmp_path / "arena.db")), "pit")
+    monkeypatch.setattr(LadderStore, "count_match", fail)
+    ladder.count(match(0))
+
+    with pytest.raises(ArenaError, match="the disk is full"):
+        ladder.close()
+    with pytest.raises(ArenaError, match="the disk is full"):
+        ladder.count(match(1))
+
+
+def test_the_standings_are_printed_from_the_store(store_url: str) -> None:
+    with open_ladder(store_url, "pit", RULES) as ladder:
+        for number in range(3):
+            ladder.count(match(number, ending=Termination.FORFEIT))
+        standings = ladder.standings()
+
+    assert json.loads(render_ladder(store_url, "", "json")) == {"ladder": "pit", "standings": standings}
+    lines = [line.split() for line in render_ladder(store_url, "pit", "text").splitlines()]
+    assert [line[:2] for line in lines if line and line[0] in "12"] == [["1", "ann"], ["2", "bob"]]
+    assert [line[-4:] for line in lines if line and line[0] in "12"] == [["3", "0", "0", "0"], ["0", "0", "3", "3"]]
+
+
+def test_a_ladder_that_is_not_there_is_named(store_url: str) -> None:
+    LadderStore(store_url).__exit__()
+
+    with pytest.raises(StoreError, match="holds no ladder yet"):
+        render_ladder(store_url, "", "text")
+    with pytest.raises(StoreError, match="no ladder of a pit called pond"):
+        render_ladder(store_url, "pond", "text")

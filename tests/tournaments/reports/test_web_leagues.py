@@ -1,0 +1,124 @@
+"""The leagues of a store as the web page gets them: no journal while another match may be on its map."""
+
+from pathlib import Path
+from shutil import copytree
+
+import pytest
+from commands import run_here
+
+from arena.errors import ArenaError
+from arena.records.journal import match_id, read_journal
+from tournaments.reports.web_leagues import Leagues
+from tournaments.store.store import Store
+
+LEAGUE = """
+pairs = 2
+venue = "local"
+seed = 3
+[rules]
+side = 10
+tick_limit = 20
+[entries]
+rush = "rush"
+random = "random"
+"""
+
+DUEL = """
+pairs = 64
+pairing = "sprt"
+venue = "local"
+seed = 3
+entries = ["rush", "random"]
+[rules]
+side = 10
+tick_limit = 20
+[sprt]
+elo1 = 400
+"""
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Play a league and a test of two entries, and keep their data as they are."""
+    folder = tmp_path_factory.mktemp("finished")
+    for name, text in (("friday", LEAGUE), ("better", DUEL)):
+        (folder / f"{name}.toml").write_text(text)
+        run_here("tournament", "run", folder / f"{name}.toml", "--data", folder / name)
+    return folder
+
+
+@pytest.fixture
+def data(finished: Path, tmp_path: Path) -> Path:
+    """Lend a league that is over; what a test changes, it changes in a copy."""
+    return copytree(finished / "friday", tmp_path / "friday")
+
+
+@pytest.fixture
+def duel(finished: Path, tmp_path: Path) -> Path:
+    return copytree(finished / "better", tmp_path / "better")
+
+
+def test_where_there_is_no_store_there_are_no_leagues(tmp_path: Path) -> None:
+    assert Leagues(tmp_path, "").names() == []
+
+
+def test_a_finished_league_gives_its_report_and_its_journals(data: Path) -> None:
+    leagues = Leagues(data, "")
+
+    assert leagues.names() == ["friday"]
+    report = leagues.report("friday")
+    assert report["matches"]["complete"]
+    assert len(report["results"]) == report["matches"]["played"] == 4
+    for result in report["results"]:
+        journal = read_journal(leagues.journal("friday", result["identity"]))
+        assert match_id(journal.header.identity) == match_id(result["identity"])
+
+
+def test_a_raised_number_of_pairs_is_seen_though_no_match_was_played_since(data: Path) -> None:
+    leagues = Leagues(data, "")
+    assert leagues.report("friday")["matches"]["complete"]
+
+    with Store(str(data / "arena.db")) as store:
+        store.enter("friday", store.get("friday").facts, 9)
+
+    assert leagues.report("friday")["matches"] | {"complete": False, "planned": 18} == leagues.report("friday")["matches"]
+
+
+def test_a_decided_test_shows_the_journals_of_its_whole_pairs(duel: Path) -> None:
+    leagues = Leagues(duel, "")
+    report = leagues.report("better")
+    n_played = len(report["results"])
+
+    assert (report["sprt"]["verdict"], n_played < report["matches"]["planned"] == 128) == ("accepted", True)
+    for result in report["results"]:
+        read_journal(leagues.journal("better", result["identity"]))
+
+    with Store(str(duel / "arena.db")) as store:
+        row = store.get("better")
+        outcomes = store.outcomes(row)
+    other = duel / "running.db"
+    with Store(str(other)) as store:
+        running = store.enter("better", row.facts, row.n_pairs)
+        for outcome in outcomes[:-1]:
+            store.add(running, outcome)
+    running_leagues = Leagues(duel, str(other))
+    assert running_leagues.journal("better", outcomes[0].identity)
+    with pytest.raises(ArenaError, match="until the last match of these two is over"):
+        running_leagues.journal("better", outcomes[-2].identity)
+
+
+def test_no_journal_is_given_before_the_last_match_of_two_entries(data: Path) -> None:
+    with Store(str(data / "arena.db")) as store:
+        league = store.get("friday")
+        outcomes = store.outcomes(league)
+    other = data / "half.db"
+    with Store(str(other)) as store:
+        half = store.enter("friday", league.facts, league.n_pairs)
+        for outcome in outcomes[:-1]:
+            store.add(half, outcome)
+    leagues = Leagues(data, str(other))
+
+    with pytest.raises(ArenaError, match="until the last match of these two is over"):
+        leagues.journal("friday", outcomes[0].identity)
+    with pytest.raises(ArenaError, match="has no match"):
+        leagues.journal("friday", outcomes[-1].identity)

@@ -1,0 +1,137 @@
+"""Who cannot start is named before a league begins: all at once, a sentence each, and nothing is stored."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from family import PATIENCE_S
+
+from arena.errors import InputError
+from arena.game.ruleset import load
+from tournaments.league.limits import Limits
+from tournaments.running import preflight as rehearsal
+from tournaments.running.preflight import rehearse
+from tournaments.store.store import Store
+
+Arena = Callable[..., subprocess.CompletedProcess[str]]
+PAPER = load("paper")
+GOOD = "def act(observation):\n    return [0] * len(observation.units)\n"
+BAD = {
+    "raises": ("import no_such_module\n", "raises.py, line 1: the bot cannot be imported: ModuleNotFoundError"),
+    "no_weights": (
+        "class Bot:\n    def __init__(self):\n        raise ValueError('no weights')\n    def act(self, seen):\n        pass\n",
+        "no_weights cannot start: ValueError: no weights",
+    ),
+    "no_start": (
+        "class Bot:\n    def start(self, info):\n        1 / 0\n    def act(self, seen):\n        return []\n",
+        "no_start cannot start: ZeroDivisionError",
+    ),
+    "leaves": ("import os\nos._exit(0)\n", "leaves cannot start: its process ended before it was ready, with exit code 0"),
+}
+
+
+def write(folder: Path, **bots: str) -> dict[str, str]:
+    for name, source in bots.items():
+        (folder / f"{name}.py").write_text(source)
+    return {name: str(folder / f"{name}.py") for name in bots}
+
+
+def test_all_failures_are_told_at_once_a_sentence_each(tmp_path: Path) -> None:
+    entries = write(tmp_path, good=GOOD, **{name: source for name, (source, _) in BAD.items()})
+    programs = {
+        "gone": ("exec:/no/such/program", "gone cannot start: cannot start /no/such/program: No such file or directory"),
+        "dies": ("exec:false", "the program ended with exit code 1"),
+        "listens": ("exec:sh -c 'read line; exit 3'", "the program ended with exit code 3"),
+        "fine": ("exec:cat", ""),
+    }
+
+    with pytest.raises(InputError) as refused:
+        rehearse({"rush": "rush", **entries, **{name: spec for name, (spec, _) in programs.items()}}, PAPER, tmp_path / "homes")
+
+    lines = str(refused.value).splitlines()
+    expected = {name: says for name, (_, says) in [*BAD.items(), *programs.items()] if says}
+    assert [line.partition(" cannot start: ")[0] for line in lines] == sorted(expected)
+    assert all(expected[line.partition(" ")[0]] in line for line in lines)
+
+
+def test_a_fighter_is_tried_at_home_in_another_process_and_may_answer_nonsense(tmp_path: Path) -> None:
+    source = (
+        "import os, pathlib\npathlib.Path('here').write_text(str(os.getpid()))\nprint('arena')\n"
+        "def act(observation):\n    raise ValueError\n"
+    )
+
+    rehearse(write(tmp_path, odd=source), PAPER, tmp_path / "homes")
+
+    assert int((tmp_path / "homes" / "odd" / "here").read_text()) != os.getpid()
+
+
+def test_what_does_not_get_ready_is_not_waited_for_and_ended(tmp_path: Path) -> None:
+    entries = write(tmp_path, slow="import time\ntime.sleep(600)\n")
+
+    with pytest.raises(InputError, match=r"slow cannot start: it was not ready after 1 s"):
+        rehearse(entries, PAPER, tmp_path / "homes", patience_s=1)
+
+
+INTERRUPTED = """
+import signal, sys
+from pathlib import Path
+from arena.game.ruleset import load
+from tournaments.running.preflight import rehearse
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job, and its children, ignore it
+rehearse({Path(path).stem: path for path in sys.argv[2:]}, load("paper"), Path(sys.argv[1]), patience_s=1e6)
+"""
+
+
+def test_who_interrupts_it_waits_for_nobody(tmp_path: Path) -> None:
+    sleeps = "import pathlib, time\npathlib.Path('here').touch()\ntime.sleep(1e6)\n"
+    bots = write(tmp_path, **{f"slow{number}": sleeps for number in range(6)}).values()  # more than are tried at once
+    homes = tmp_path / "homes"
+    with subprocess.Popen([sys.executable, "-c", INTERRUPTED, homes, *bots], stderr=subprocess.PIPE) as process:
+        while not list(tmp_path.rglob("here")):
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.wait(0.05)
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(PATIENCE_S)
+        finally:
+            process.kill()
+
+    assert process.returncode == -signal.SIGINT
+
+
+def test_a_fighter_that_its_limits_keep_from_starting_is_named(tmp_path: Path) -> None:
+    entries = write(tmp_path, large="weights = bytearray(64 << 30)\n" + GOOD, small=GOOD)
+
+    with pytest.raises(InputError) as refused:
+        rehearse({**entries, "rush": "rush"}, PAPER, tmp_path / "homes", Limits(memory_mb=20_000))
+
+    assert str(refused.value).startswith("large cannot start: ")
+    assert "MemoryError" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_our_own_fighters_take_no_process_without_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError("a process was started")
+
+    monkeypatch.setattr(rehearsal, "Confined", refuse)
+
+    rehearse({"rush": "rush", "patrol": "patrol", "far": "key:" + "A" * 43}, PAPER, tmp_path)
+
+
+def test_nothing_is_stored_of_a_league_with_an_entry_that_cannot_start(here: Arena, tmp_path: Path) -> None:
+    (tmp_path / "bad.py").write_text("import no_such_module\n")
+    (tmp_path / "league.toml").write_text('entries = ["rush", "bad.py"]')
+
+    ran = here("tournament", "run", tmp_path / "league.toml", "--venue", "local", "--data", tmp_path / "data")
+
+    assert (ran.returncode, ran.stdout) == (2, "")
+    assert ran.stderr.startswith("arena: bad cannot start: ")
+    assert ran.stderr.count("\n") == 1
+    with Store(str(tmp_path / "data" / "arena.db"), make=False) as store:
+        assert store.leagues() == []
+    assert [path.name for path in (tmp_path / "data").rglob("*") if path.is_file()] == ["arena.db"]

@@ -1,0 +1,144 @@
+"""The tables of the store from version to version, on each database: all of the way, or not at all."""
+
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import Engine, inspect, text
+
+from arena.game.types import Termination
+from tournaments.outcome import Outcome
+from tournaments.store.migrations import upgrade
+from tournaments.store.schema import METADATA, reach
+from tournaments.store.store import Store, StoreError
+
+FACTS = {"ruleset": "paper", "rules": "1", "entries": {}, "clock": {}}
+OUTCOME = Outcome(
+    identity="friday/0", blue="a", red="b", ending=Termination.TICK_LIMIT, winner=None, score=0, ticks=9, reason="", seats={}
+)
+GROWN = """
+from alembic import op
+revision, down_revision = "0003", "0002"
+def upgrade():
+    op.execute("ALTER TABLE leagues ADD COLUMN colour VARCHAR(9)")
+    op.execute("UPDATE leagues SET colour = 'red'")
+"""
+LAST = upgrade.VERSION
+BACK_TO_THE_FIRST = [f"DROP TABLE {name}" for name in ("alembic_version", "ladder_matches", "ladder_entries")]
+BROKEN = GROWN + "    op.execute('ALTER TABLE nowhere ADD COLUMN colour VARCHAR(9)')\n"
+
+
+def fill(url: str) -> None:
+    with Store(url) as store:
+        assert store.add(store.enter("friday", FACTS, 1), OUTCOME)
+
+
+def read(url: str) -> list[Outcome]:
+    with Store(url, make=False) as store:
+        return store.outcomes(store.latest())
+
+
+def run(url: str, *statements: str) -> list[object]:
+    """Run statements, and return the first column of what the last one finds."""
+    engine: Engine = reach(url, must_exist=False)[0]
+    with engine.begin() as connection:
+        for statement in statements:
+            result = connection.execute(text(statement))
+        found = list(result.scalars()) if result.returns_rows else []
+    engine.dispose()
+    return found
+
+
+@pytest.fixture
+def newer_arena(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Pretend that this arena has one version more, and return the file of its way there."""
+    scripts = tmp_path / "100% scripts"
+    (scripts / "versions").mkdir(parents=True)
+    shipped = files("tournaments.store.migrations")
+    for source in (
+        "env.py",
+        *(f"versions/{path.name}" for path in (shipped / "versions").iterdir() if path.name.startswith("v0")),
+    ):
+        (scripts / source).write_text((shipped / source).read_text())
+    (scripts / "versions" / "grown.py").write_text(GROWN)
+    monkeypatch.setattr(upgrade, "_SCRIPTS", scripts)
+    monkeypatch.setattr(upgrade, "VERSION", "0003")
+    return scripts / "versions" / "grown.py"
+
+
+def test_the_versions_lead_to_the_tables_of_the_schema(store_url: str) -> None:
+    with Store(store_url) as store, store._engine.connect() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
+
+
+def test_the_last_version_is_the_one_that_stores_are_checked_against() -> None:
+    assert ScriptDirectory(str(files("tournaments.store.migrations"))).get_current_head() == upgrade.VERSION
+
+
+def test_a_store_without_a_version_is_the_first_and_keeps_its_results(store_url: str) -> None:
+    fill(store_url)
+    run(store_url, *BACK_TO_THE_FIRST)
+
+    assert read(store_url) == [OUTCOME]
+    with Store(store_url) as store:
+        assert not store.add(store.latest(), OUTCOME)
+    assert run(store_url, "SELECT version_num FROM alembic_version") == [LAST]
+    assert read(store_url) == [OUTCOME]
+
+
+@pytest.mark.parametrize("make", [True, False])
+def test_a_store_of_a_newer_arena_is_refused_and_left_as_it_is(store_url: str, make: bool) -> None:
+    fill(store_url)
+    run(store_url, "UPDATE alembic_version SET version_num = '9999'")
+
+    with pytest.raises(StoreError, match="was made by a newer arena; update this one, or name another --db"):
+        Store(store_url, make=make)
+
+    assert run(store_url, "SELECT version_num FROM alembic_version") == ["9999"]
+    assert run(store_url, "SELECT identity FROM matches") == ["friday/0"]
+
+
+@pytest.mark.parametrize("make", [True, False])
+@pytest.mark.parametrize("is_numbered", [True, False])
+def test_an_older_store_is_brought_up_to_date(
+    store_url: str, make: bool, is_numbered: bool, request: pytest.FixtureRequest
+) -> None:
+    fill(store_url)
+    if not is_numbered:
+        run(store_url, *BACK_TO_THE_FIRST)
+    request.getfixturevalue("newer_arena")
+
+    with Store(store_url, make=make) as store:
+        assert store.outcomes(store.latest()) == [OUTCOME]
+
+    assert run(store_url, "SELECT colour FROM leagues") == ["red"]
+    assert run(store_url, "SELECT version_num FROM alembic_version") == ["0003"]
+
+
+def test_an_upgrade_that_fails_leaves_the_store_as_it_was(store_url: str, newer_arena: Path) -> None:
+    newer_arena.unlink()
+    fill(store_url)
+    newer_arena.write_text(BROKEN)
+
+    with pytest.raises(StoreError, match="cannot open the store"):
+        Store(store_url)
+
+    engine = reach(store_url, must_exist=False)[0]
+    assert "colour" not in [column["name"] for column in inspect(engine).get_columns("leagues")]
+    engine.dispose()
+    assert run(store_url, "SELECT version_num FROM alembic_version") == [LAST]
+    assert run(store_url, "SELECT identity FROM matches") == ["friday/0"]
+
+
+def test_a_database_without_tables_holds_no_results_and_gets_none_by_being_read(store_url: str) -> None:
+    run(store_url, "SELECT 1")  # which makes SQLite's file
+
+    with pytest.raises(StoreError, match="no table of leagues"):
+        Store(store_url, make=False)
+
+    engine = reach(store_url, must_exist=False)[0]
+    assert inspect(engine).get_table_names() == []
+    engine.dispose()

@@ -1,0 +1,295 @@
+"""The network venue: a referee and every entry a process of its own; who dies is started anew, and none outlives the league."""
+
+import multiprocessing
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, suppress
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from family import PATIENCE_S, LeagueProcess, kill, wait_for_the_end_of
+
+import tournaments.venues.processes as tournament_processes
+from arena.errors import ArenaError
+from arena.game.keys import secret_from_seed
+from arena.game.ruleset import load
+from arena.game.types import Team, Termination
+from arena.local.venue import MatchPlan
+from arena.match.match import TimeControl
+from tournaments.fixture import plan_fixture
+from tournaments.outcome import Outcome
+from tournaments.venues.processes import MOST_DEATHS
+from tournaments.venues.venue import Setting, play_local, play_network
+
+ENTRIES = {"one": "rush", "two": "patrol", "three": "random"}
+SLOW = """
+import time
+from pathlib import Path
+def act(observation):
+    if observation.tick == 5:
+        Path({thinks!r}).touch()
+        while not Path({may_answer!r}).exists():
+            time.sleep(0.01)
+    return [0 for unit in observation.units]
+"""
+FATAL = "import os\ndef act(observation):\n    os._exit(1)\n"
+STUCK = """
+import subprocess, sys
+def act(observation):
+    subprocess.run([sys.executable, "-c", "import time; time.sleep(1000)"])
+"""
+
+
+def make_setting(folder: Path, **entries: str) -> Setting:
+    """Return a setting; an entry is a fighter's name, or the code of a bot."""
+    for name, code in entries.items():
+        if "\n" in code:
+            (folder / f"{name}.py").write_text(code)
+            entries[name] = str(folder / f"{name}.py")
+    return Setting(
+        ruleset=load("paper"), entries=entries, time_control=TimeControl(turn_time_s=None, grace_s=PATIENCE_S), slots=1,
+        journals=folder / "journals", keys=folder / "keys", homes=folder / "homes",
+    )  # fmt: skip
+
+
+@pytest.fixture
+def few_deaths(monkeypatch: pytest.MonkeyPatch) -> int:
+    """Give up sooner on who dies again and again; return how often that is."""
+    monkeypatch.setattr(tournament_processes, "MOST_DEATHS", 1)
+    return 2
+
+
+def plan(one: str, other: str, n_pairs: int = 1) -> list[MatchPlan]:
+    return plan_fixture("processes", one, other, n_pairs, secret_from_seed(1))
+
+
+def processes() -> Iterator[tuple[int, str]]:
+    """Yield the process id and the command line of all that runs."""
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit():
+            try:
+                yield int(folder.name), (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+            except (FileNotFoundError, ProcessLookupError):
+                continue
+
+
+def sessions(words: str) -> set[int]:
+    """Return the sessions, each of one entry, of what has these words in its command line."""
+    found = set()
+    for pid, command in processes():
+        with suppress(ProcessLookupError):
+            if words in command:
+                found.add(os.getsid(pid))
+    return found
+
+
+def test_the_referee_and_every_entry_have_a_process_of_their_own(tmp_path: Path) -> None:
+    setting = replace(make_setting(tmp_path, **ENTRIES), slots=2)
+    pairs = [("one", "two"), ("one", "three"), ("two", "three")]
+    plans = [match for one, other in pairs for match in plan(one, other, 2)]
+    outcomes = play_network(setting, plans)
+
+    first = next(outcomes)
+    referees = {child.pid for child in multiprocessing.active_children() if child.name == "referee"}
+    clients = {name: sessions(f"--name {name} ") for name in ENTRIES}
+    rest = list(outcomes)
+
+    assert len(referees) == 1
+    assert all(len(pids) == 1 for pids in clients.values()), clients
+    assert len(referees.union(*clients.values())) == 1 + len(ENTRIES)
+    assert {first.identity, *(outcome.identity for outcome in rest)} == {match.identity for match in plans}
+    assert not any(f"--name {name} " in command for _, command in processes() for name in ENTRIES), "a client outlived its league"
+
+
+def test_a_client_that_is_killed_comes_back_and_that_it_vanished_is_recorded(tmp_path: Path) -> None:
+    thinks, may_answer = tmp_path / "thinks", tmp_path / "may-answer"
+    setting = make_setting(tmp_path, one="rush", slow=SLOW.format(thinks=str(thinks), may_answer=str(may_answer)))
+    plans = plan("one", "slow", 2)
+
+    def strike() -> None:
+        while not thinks.exists():
+            assert not is_over.wait(0.05)
+        for pid, command in processes():
+            if "--name slow " in command:
+                kill(pid)
+        may_answer.touch()
+
+    is_over = threading.Event()
+    striker = threading.Thread(target=strike)
+    striker.start()
+    try:
+        played = list(play_network(setting, plans))
+    finally:
+        is_over.set()
+        striker.join()
+
+    assert {outcome.identity for outcome in played} == {match.identity for match in plans}
+    assert not {outcome.ending for outcome in played} & {Termination.FORFEIT, Termination.VOID}
+    assert sum(outcome.seats[team_of(outcome, "slow")].faults.get("vanished", 0) for outcome in played) == 1
+    assert not any(outcome.seats[team_of(outcome, "one")].faults for outcome in played)
+
+
+def team_of(outcome: Outcome, name: str) -> Team:
+    return Team.BLUE if outcome.blue == name else Team.RED
+
+
+def test_a_client_that_stays_away_forfeits_and_it_is_recorded_whose_and_why(tmp_path: Path) -> None:
+    setting = replace(make_setting(tmp_path, one="rush", fatal=FATAL), time_control=TimeControl(turn_time_s=None, grace_s=0.1))
+    outcomes = play_network(setting, plan("one", "fatal"))
+
+    with closing(outcomes):
+        first = next(outcomes)
+
+    assert first.ending is Termination.FORFEIT
+    assert first.winner is team_of(first, "one")
+    assert first.reason == f"{team_of(first, 'fatal').name.lower()} did not come back in time"
+    assert first.seats[team_of(first, "fatal")].faults == {"vanished": 1}
+
+
+def test_a_client_that_lives_through_no_match_forfeits_them_all_and_the_league_ends(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, few_deaths: int
+) -> None:
+    bots = make_setting(tmp_path, one="rush", two="patrol", fatal=FATAL)
+    setting = replace(bots, time_control=TimeControl(turn_time_s=None, grace_s=2.0))
+    plans = [match for pair in (("one", "fatal"), ("one", "two")) for match in plan(*pair)]
+
+    played = {outcome.identity: outcome for outcome in play_network(setting, plans)}
+
+    assert set(played) == {match.identity for match in plans}
+    for outcome in played.values():
+        if "fatal" in (outcome.blue, outcome.red):
+            assert (outcome.ending, outcome.winner) == (Termination.FORFEIT, team_of(outcome, "one"))
+            assert outcome.seats[team_of(outcome, "fatal")].faults["vanished"] >= 1
+        else:
+            assert outcome.ending is not Termination.FORFEIT
+    warnings = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert f"the client of fatal died {few_deaths} times in a row; {setting.journals / 'fatal.log'} says why" in warnings[0]
+    assert (setting.journals / "fatal.log").is_file()
+
+
+def test_a_client_that_never_sits_down_ends_the_league_in_one_sentence_that_names_its_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, few_deaths: int
+) -> None:
+    setting = replace(
+        make_setting(tmp_path, one="rush", two="no-such-fighter"), time_control=TimeControl(turn_time_s=None, grace_s=0.1)
+    )
+    monkeypatch.setattr(tournament_processes, "_PATIENCE_S", 1)
+
+    with pytest.raises(ArenaError, match=rf"the client of two died {few_deaths} times in a row; .*/two.log says why$"):
+        list(play_network(setting, plan("one", "two")))
+
+    assert "no-such-fighter" in (setting.journals / "two.log").read_text()
+
+
+def test_a_referee_that_dies_again_and_again_ends_the_league_in_one_sentence_that_names_its_log(tmp_path: Path) -> None:
+    setting = make_setting(tmp_path, one="rush", two="patrol")
+    is_over = threading.Event()
+
+    def kill_every_referee() -> None:
+        while not is_over.wait(0.05):
+            for pid, command in processes():
+                if "spawn_main" in command and Path(f"/proc/{pid}/stat").read_text().split(") ")[-1].split()[1] == str(
+                    os.getpid()
+                ):
+                    os.kill(pid, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill_every_referee)
+    killer.start()
+    try:
+        with pytest.raises(ArenaError, match=rf"the referee died {MOST_DEATHS + 1} times in a row; .*/pit.referee.log says why$"):
+            list(play_network(setting, plan("one", "two")))
+    finally:
+        is_over.set()
+        killer.join()
+
+
+def test_a_referee_that_cannot_listen_says_so(tmp_path: Path, few_deaths: int) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        setting = replace(make_setting(tmp_path, one="rush", two="patrol"), listen=f"tcp/127.0.0.1:{other.getsockname()[1]}")
+
+        with pytest.raises(
+            ArenaError, match=rf"the referee died {few_deaths} times in a row: cannot listen at tcp/.*: the port is in use"
+        ):
+            list(play_network(setting, plan("one", "two")))
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+from test_processes import make_setting, plan
+from arena.errors import ArenaError
+from tournaments.venues import venue as venues
+def main():
+    folder, n_bytes = Path(sys.argv[2]), int(sys.argv[3])
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, n_bytes))
+    setting = make_setting(folder, one="rush", two="patrol")
+    try:
+        for outcome in getattr(venues, sys.argv[1])(setting, plan("one", "two", 2)):
+            print(outcome.identity)
+    except ArenaError as error:
+        print("says:", error)
+if __name__ == "__main__":
+    main()
+"""
+
+
+@pytest.mark.usefixtures("one_core")  # to go on; the program has all that there are
+@pytest.mark.parametrize("venue", [play_local, play_network])
+def test_a_disk_that_takes_no_journal_is_one_sentence_and_what_was_stored_can_go_on(
+    venue: Callable[[Setting, Sequence[MatchPlan]], Iterator[Outcome]], tmp_path: Path
+) -> None:
+    program = tmp_path / "full.py"
+    program.write_text(FULL)
+    command = [sys.executable, str(program), venue.__name__, str(tmp_path), "1000"]  # no file is to be longer
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+
+    assert done.returncode == 0, done.stderr
+    assert [line.partition(":")[0] for line in done.stdout.splitlines()] == ["says"]
+    assert "cannot write " in done.stdout
+    assert "journal" in done.stdout
+    assert "Traceback" not in done.stdout + done.stderr
+
+    setting = make_setting(tmp_path, one="rush", two="patrol")
+    assert len(list(play_local(setting, plan("one", "two", 2)))) == 4
+
+
+def test_whoever_a_killed_scheduler_started_ends_with_it(tmp_path: Path) -> None:
+    (tmp_path / "stuck.py").write_text(STUCK)
+    file = tmp_path / "friday.toml"
+    clock = "turn_time_s = 0\ngrace_s = 600"  # so that no match ends, and no process ends by that
+    file.write_text(f'pairs = 1\nseed = 1\n{clock}\n[entries]\none = "rush"\nstuck = "{tmp_path / "stuck.py"}"')
+    with LeagueProcess(file, "network", tmp_path / "data", str(tmp_path / "arena.db")) as league:
+        league.start()
+        while league.find("time.sleep(1000)") is None:
+            assert not league.ends_within(0.05), league.said
+        family = league.family()
+        assert len(family) >= 6, family  # the scheduler, its referee, two clients, their watches, and what one of them started
+
+        assert league.process is not None
+        kill(league.process.pid)  # it alone, and not its process group
+
+        wait_for_the_end_of(family)
+
+
+def test_the_workers_of_a_killed_scheduler_end_with_it(tmp_path: Path) -> None:
+    (tmp_path / "stuck.py").write_text(STUCK)
+    file = tmp_path / "friday.toml"
+    file.write_text('pairs = 600\nseed = 1\nentries = ["rush", "stuck.py"]')
+    with LeagueProcess(file, "local", tmp_path / "data", str(tmp_path / "arena.db")) as league:
+        league.start()
+        while league.find("spawn_main") is None:
+            assert not league.ends_within(0.05), league.said
+        workers = {pid for pid, command in league.family().items() if "spawn_main" in command}
+        assert league.process is not None
+        kill(league.process.pid)
+
+        wait_for_the_end_of(workers)

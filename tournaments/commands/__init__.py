@@ -1,0 +1,1 @@
+"""The commands that need the whole arena: leagues, play, evaluate, serve, web, bench."""

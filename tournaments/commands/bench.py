@@ -1,0 +1,113 @@
+"""The command that measures: `arena bench`.
+
+Our own benchmarks stand in `benchmarks/` of a checkout, a module each with a function `run`; they are no part of what is
+installed. Other people's are entry points of the group `arena.benchmarks`.
+"""
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from importlib import import_module
+from inspect import signature
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from arena.cli import plug_ins
+from arena.console import AsJson, print_json, print_table
+from arena.errors import InputError, UnknownNameError
+
+Progress = Callable[[str], None]
+"""Says in a few words what a benchmark is at."""
+Benchmark = Callable[..., dict[str, Any]]
+"""Is given its `Progress`, and returns numbers, nested under names as deep as it likes.
+
+One that has a parameter `minutes` goes on for as long as it is told; what it does untold is short enough for `--all`.
+"""
+
+
+GROUP = "arena.benchmarks"
+"""Entry points of other people's benchmarks."""
+_FOLDER = Path(__file__).parents[2] / "benchmarks"
+"""Ours, where this is a checkout."""
+
+
+def _find() -> dict[str, Callable[[], Benchmark]]:
+    """Return what loads each benchmark, by name."""
+    own = {path.stem: partial(_load_own, path.stem) for path in _FOLDER.glob("*.py") if path.stem != "__init__"}
+    return own | {name: point.load for name, point in plug_ins(GROUP).items()}
+
+
+def _load_own(name: str) -> Benchmark:
+    if str(_FOLDER.parent) not in sys.path:
+        sys.path.append(str(_FOLDER.parent))
+    benchmark: Benchmark = import_module(f"benchmarks.{name}").run
+    return benchmark
+
+
+def complete_benchmark(incomplete: str) -> list[str]:
+    """Return the names of benchmarks that begin like `incomplete`, for the shell."""
+    return sorted(name for name in _find() if name.startswith(incomplete))
+
+
+def bench(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME...", autocompletion=complete_benchmark, help="Which to run; none lists them."),
+    ] = None,
+    run_all: Annotated[bool, typer.Option("--all", help="Run every one.")] = False,
+    minutes: Annotated[
+        float | None, typer.Option(min=0.1, help="How long, of those that measure for as long as they are told.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure how fast the arena is on this machine."""
+    benchmarks = _find()
+    if not benchmarks:
+        raise InputError("no benchmarks are installed; the arena's own are in its source: run `arena bench` in a checkout")
+    chosen = sorted(benchmarks) if run_all else names or []
+    for name in chosen:
+        if name not in benchmarks:
+            raise UnknownNameError("benchmark", name, benchmarks)
+    if not chosen:
+        rows = [(name, (benchmarks[name]().__doc__ or "").partition("\n")[0]) for name in sorted(benchmarks)]
+        if as_json:
+            print_json(dict(rows))
+        else:
+            print_table(("benchmark", "what it measures"), rows)
+        return
+    runs = {name: benchmarks[name]() for name in chosen}
+    timed = [name for name, run in runs.items() if "minutes" in signature(run).parameters]
+    if minutes is not None and not timed:
+        raise InputError(f"--minutes is for benchmarks that measure for as long as they are told; {', '.join(chosen)} do not")
+    results = {}
+    for name, run in runs.items():
+        options = {"minutes": minutes} if minutes is not None and name in timed else {}
+        with _progress(name) as progress:
+            results[name] = run(progress, **options)
+    if as_json:
+        print_json(results)
+    else:
+        print_table(("figure", "value"), _flatten(results))
+
+
+@contextmanager
+def _progress(name: str) -> Iterator[Progress]:
+    """Show what is being done: one changing line on a terminal, plain lines elsewhere; on stderr."""
+    if not sys.stderr.isatty():
+        yield lambda text: typer.echo(f"{name}: {text}", err=True)
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(name) as status:
+        yield lambda text: status.update(f"{name}: {text}")
+
+
+def _flatten(values: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, object]]:
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flatten(value, (*path, str(key)))
+        else:
+            yield " / ".join((*path, str(key))), value

@@ -1,0 +1,131 @@
+"""The command that opens a pit: `arena serve`, with its ladder and its web page."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from arena.console import complete_ruleset
+from arena.errors import InputError
+
+_TURN_S, _HUMAN_TURN_S = 1.0, 30.0
+
+
+def serve(
+    listen: Annotated[str, typer.Option(metavar="ENDPOINT", help="Where to listen.")] = "tcp/127.0.0.1:7447",
+    pit: Annotated[str, typer.Option(help="The pit's name.")] = "pit",
+    rules: Annotated[str, typer.Option(metavar="NAME|FILE.toml", autocompletion=complete_ruleset, help="The ruleset.")] = "paper",
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a rule, as in side=16.")
+    ] = None,
+    matches: Annotated[int | None, typer.Option(min=1, help="End after so many; without it, go on until told to stop.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Makes the matches reproducible, and guessable by anyone.")] = None,
+    turn_time: Annotated[
+        float | None, typer.Option(min=0.001, metavar="SECONDS", help="For each turn; 1, or 30 with --humans.")
+    ] = None,
+    humans: Annotated[bool, typer.Option("--humans", help="People play here: turns last longer.")] = False,
+    bank: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="Extra time of a seat for a whole match.")] = 10.0,
+    grace: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="How long a seat that vanished keeps its place.")] = 10.0,
+    missed: Annotated[int, typer.Option(min=1, help="Turns missed in a row that forfeit a match.")] = 10,
+    data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where journals live; your data folder without it.")] = None,
+    ladder: Annotated[
+        bool, typer.Option("--ladder", help="Match whoever comes by rating and waiting time, and rate them.")
+    ] = False,
+    ladder_method: Annotated[
+        str, typer.Option(metavar="NAME", help="Which ladder rates; openskill, or one of an installed package.")
+    ] = "",
+    db: Annotated[
+        str, typer.Option(metavar="URL|FILE", help="The store of a ladder; arena.db in the data folder without it.")
+    ] = "",
+    fsync: Annotated[bool, typer.Option("--fsync", help="Let every tick outlive a power cut, at its price.")] = False,
+    invite: Annotated[Path | None, typer.Option(metavar="FILE", help="Let in only who has one of its codes, one a line.")] = None,
+    certificate: Annotated[
+        tuple[Path, Path] | None, typer.Option(metavar="CERT KEY", help="For --listen tls/HOST:PORT: two PEM files.")
+    ] = None,
+    web: Annotated[
+        int | None, typer.Option(metavar="PORT", min=1, max=65535, help="Show the pit in the browser, on this machine.")
+    ] = None,
+    no_web: Annotated[bool, typer.Option("--no-web", help="Do not; so it is without --web.")] = False,
+) -> None:
+    """Open a pit: a match begins when a red and a blue seat are taken. Unfinished matches are taken up again.
+
+    With --ladder, entries that wait are matched by the pit, on a map of their own, and rated; `arena leaderboard --ladder` tells.
+    """
+    import signal
+    import sys
+    from contextlib import ExitStack, nullcontext
+    from dataclasses import replace
+
+    from arena.folders import data_folder
+    from arena.game.keys import new_secret, secret_from_seed
+    from arena.game.ruleset import load, parse_overrides
+    from arena.keyring.files import load_or_make, load_or_make_secret
+    from arena.match.match import TimeControl
+    from arena.network.access import Certificate
+    from arena.network.address import Address
+    from arena.pit.pit import Pit, PitSettings
+    from arena.pit.register import Register, read_invites
+    from arena.protocol.topics import check_chunk
+    from tournaments.commands.web_page import web_page
+    from tournaments.ladder.methods import DEFAULT, find_ladder
+
+    if db and not ladder:
+        raise InputError("--db is where a ladder is kept; give --ladder as well")
+    if ladder_method and not ladder:
+        raise InputError("--ladder-method is how a ladder rates; give --ladder as well")
+    if web is not None and no_web:
+        raise InputError("--web and --no-web exclude each other")
+    if seed is not None:
+        typer.echo("arena: warning: anyone can try small seeds; strangers should not be seated under --seed", err=True)
+    open_ladder = find_ladder(ladder_method or DEFAULT) if ladder else None
+    folder = data_folder(data)
+    identity = load_or_make(folder / "keys" / "pit.key")
+    chosen = PitSettings(
+        address=Address(endpoint=listen, pit=check_chunk("the pit's name", pit), fingerprint=identity.fingerprint),
+        identity=identity,
+        spectator_key=load_or_make_secret(folder / "keys" / "spectator.key"),
+        register=Register(folder / "register.json", None if invite is None else read_invites(invite)),
+        certificate=None if certificate is None else Certificate(certificate=certificate[0], key=certificate[1]),
+        ruleset=load(rules).with_(parse_overrides(settings or [])),
+        secret=new_secret() if seed is None else secret_from_seed(seed),
+        time_control=TimeControl(
+            turn_time_s=turn_time or (_HUMAN_TURN_S if humans else _TURN_S),
+            bank_s=bank,
+            grace_s=grace,
+            most_missed=missed,
+        ),
+        journals=folder / "journals",
+        n_matches=matches,
+        fsync=fsync,
+    )
+
+    def on_open(n_resumed: int) -> None:
+        typer.echo(f"pit open at {chosen.address} (rules {chosen.ruleset.name})")
+        typer.echo(f"join with: arena join {chosen.address} --team any --policy rush{' --forever' if ladder else ''}")
+        if n_resumed:
+            typer.echo(f"{n_resumed} unfinished matches wait for their seats to come back")
+        if web is not None:
+            sys.stdout.flush()  # the page says its address on the same stdout
+            beside.enter_context(web_page(chosen.address, web, folder, db, None if certificate is None else certificate[0]))
+
+    opened = open_ladder(db or str(folder / "arena.db"), pit, chosen.ruleset.hash) if open_ladder else nullcontext()
+    with opened as kept, ExitStack() as beside:
+        server = Pit(replace(chosen, ladder=kept))
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: server.stop())
+        n_left = server.run(on_open, lambda played: typer.echo(_describe(played)))
+    if n_left:
+        typer.echo(f"{n_left} matches are unfinished; arena serve with the same --data takes them up again")
+
+
+def _describe(played: Any) -> str:
+    """Return a line on how a match ended, with what was counted."""
+    header, result = played.header, played.result
+    winner = "draw" if result.winner is None else f"{result.winner.name.lower()} wins"
+    why = f" ({result.reason})" if result.reason else ""
+    how = result.ending.name.lower().replace("_", " ")
+    counted = [f"{team.name.lower()} {n} {what}" for team, seat in played.seats.items() for what, n in seat.faults().items() if n]
+    return (
+        f"{header.identity}: blue {header.blue}, red {header.red}: {winner} by {how}{why} "
+        f"after {result.ticks} ticks, score {result.score:+d} for blue{'; counted: ' + ', '.join(counted) if counted else ''}"
+    )

@@ -1,0 +1,42 @@
+"""The web page beside a pit: `arena web` as a process of its own, which knows no more of the pit than any other client."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from arena.network.address import Address
+
+_GOODBYE_S = 5.0
+_EVERYWHERE = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
+
+
+@contextmanager
+def web_page(address: Address, port: int, data: Path, db: str, authority: Path | None) -> Iterator[None]:
+    """Show a pit that is open on this machine in the browser, at a port of loopback, until the end of the block.
+
+    The page ends with its stdin, so it does not outlive a pit that is killed; and Ctrl-C is for the pit, which ends it.
+    """
+    command = [sys.executable, "-c", "from tournaments.cli import main; main()", "web", "--pit", str(_from_here(address))]
+    command += ["--port", str(port), "--data", str(data), "--ends-with-stdin"]
+    command += ["--db", db] if db else []
+    command += ["--authority", str(authority)] if authority is not None else []
+    with subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True) as process:
+        try:
+            yield
+        finally:
+            if process.stdin is not None:
+                process.stdin.close()
+            try:
+                process.wait(_GOODBYE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def _from_here(address: Address) -> Address:
+    """Return where this machine reaches a pit that may listen everywhere."""
+    protocol, _, where = address.endpoint.partition("/")
+    host, _, port = where.rpartition(":")
+    return replace(address, endpoint=f"{protocol}/{_EVERYWHERE.get(host, host)}:{port}")

@@ -1,0 +1,1 @@
+"""The live ladder: online ratings, matchmaking, and what is kept of them."""

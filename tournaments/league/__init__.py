@@ -1,0 +1,1 @@
+"""A league as data: its file, entries, schedule, secret, and what counts as an edit."""

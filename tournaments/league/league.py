@@ -1,0 +1,83 @@
+"""A league: who meets whom under which rules, never changed after. `tournaments.league.file` reads one."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from arena.errors import InputError
+from arena.game.ruleset import Ruleset
+from arena.match.match import TimeControl
+from tournaments.league.entries import fingerprint_of, public_key_of
+from tournaments.league.limits import NO_LIMITS, Limits
+from tournaments.ratings.sprt import Sprt
+
+VENUES = ("network", "local", "ray")
+PAIRINGS = ("round-robin", "gauntlet", "sprt")
+MAPS = ("paired", "fresh")
+DEFAULT_TERMS = TimeControl()
+
+
+class LeagueError(InputError):
+    """A league holds a value that cannot be played."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class League:
+    """What a league's file says. `facts` is what decides its results."""
+
+    name: str
+    ruleset: Ruleset
+    entries: Mapping[str, str]
+    """The fighter behind each entry, as `tournaments.league.entries` knows it; files by their full path."""
+    n_pairs: int = 10
+    """Of each fixture; may be raised while results are stored. The most pairs of a sequential test."""
+    hero: str | None = None
+    """Who meets all the others in a gauntlet, or is tested for being the better one; None in a round robin."""
+    sprt: Sprt | None = None
+    """The test that ends a league of two, before its first pair."""
+    maps: str = "paired"
+    """`paired`: both matches of a pair on one map; `fresh`: no map twice, for entries that remember."""
+    seed: int | None = None
+    secret: bytes | None = None
+    """None, without a seed: made at the first run, and kept beside the results."""
+    venue: str = "network"
+    listen: str = ""
+    """Endpoint of the pit in the venue `network`, as Zenoh writes it; any free port of loopback without it."""
+    time_control: TimeControl = DEFAULT_TERMS
+    slots: int = 8
+    """Seats that the process of an entry holds at once."""
+    limits: Limits = NO_LIMITS
+    """For each process of an entry, in the venue `network`."""
+
+    @cached_property
+    def remote(self) -> Mapping[str, bytes]:
+        """The public keys of the entries that join by themselves."""
+        keys = {name: public_key_of(spec) for name, spec in self.entries.items()}
+        return {name: key for name, key in keys.items() if key is not None}
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
+        """What decides the results, but for the secret and the number of pairs; an edit is found by comparing these."""
+        time_control, sprt = self.time_control, self.sprt
+        return {
+            "ruleset": self.ruleset.name,
+            "rules": self.ruleset.hash,
+            "entries": {name: fingerprint_of(spec) for name, spec in sorted(self.entries.items())},
+            "clock": {"turn_time_s": time_control.turn_time_s, "bank_s": time_control.bank_s, "grace_s": time_control.grace_s},
+            **({"maps": self.maps} if self.maps != League.maps else {}),
+            **({"hero": self.hero} if self.hero is not None else {}),
+            **({"sprt": {name: getattr(sprt, name) for name in BOUNDS}} if sprt is not None else {}),
+        }
+
+    def check_venue(self, venue: str) -> None:
+        """Refuse a venue that an entry cannot come to."""
+        for name in self.remote:
+            if venue != "network":
+                raise LeagueError(
+                    f'league {self.name} names {name} by its key, and who joins by itself can only come to venue = "network"'
+                )
+
+
+BOUNDS = ("elo0", "elo1", "alpha", "beta")
+"""What [sprt] of a league's file says of its test."""

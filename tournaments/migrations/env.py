@@ -1,9 +1,0 @@
-"""Where alembic meets the store: on the connection of `tournaments.migrations.upgrade`, inside its transaction."""
-
-from alembic import context
-
-from tournaments.schema import METADATA
-
-context.configure(connection=context.config.attributes["connection"], target_metadata=METADATA)
-with context.begin_transaction():
-    context.run_migrations()

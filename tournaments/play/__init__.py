@@ -1,1 +1,0 @@
-"""Two fighters against each other, at once and without a store."""

@@ -1,0 +1,1 @@
+"""Ratings and their certainty: Davidson, bootstrap, sequential tests, standings, residuals."""

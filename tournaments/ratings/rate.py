@@ -1,0 +1,131 @@
+"""Rate entries: strengths as Elo, with intervals, ranges of ranks, and how likely each is to be the better of two.
+
+`tournaments.ratings.davidson` is the model, `tournaments.ratings.bootstrap` what the intervals are made of.
+"""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import rankdata
+
+from arena.game.types import Team
+from tournaments.fixture import pair_of
+from tournaments.outcome import Outcome
+from tournaments.ratings.bootstrap import Game, Unit, bootstrap, count
+from tournaments.ratings.davidson import ELO, Floats, fit
+
+N_DRAWS = 2_000
+LEVEL = 0.95
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rating:
+    """An entry's strength in Elo, 0 being the mean of the league."""
+
+    elo: float
+    elo_low: float
+    elo_high: float
+    rank: int
+    """From 1."""
+    rank_low: int
+    """The better end of the range."""
+    rank_high: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ratings:
+    """All entries, and what the sides and draws are worth."""
+
+    entries: Mapping[str, Rating]
+    superiority: Mapping[tuple[str, str], float]
+    """How likely the first is to be the stronger: its share of the bootstrap's draws, one with equal strengths counting half."""
+    side_elo: float
+    """What playing blue adds."""
+    side_elo_low: float
+    side_elo_high: float
+    draw_rate: float
+    """Share of draws between equals."""
+
+    @property
+    def is_side_favoured(self) -> bool:
+        """Whether the interval of `side_elo` excludes 0."""
+        return self.side_elo_low > 0 or self.side_elo_high < 0
+
+
+def rate(names: Sequence[str], outcomes: Iterable[Outcome], *, are_maps_fresh: bool = False, n_draws: int = N_DRAWS) -> Ratings:
+    """Rate the entries of a league.
+
+    Parameters
+    ----------
+    names
+        Every entry, with matches or without.
+    are_maps_fresh
+        Whether no map came twice. Then the two matches of a pair have nothing in common, and the bootstrap draws matches; as many
+        as were played with each side of the fixture as blue, since that was planned and not luck.
+    n_draws
+        Bootstrap draws behind the intervals; the same every time.
+    """
+    names = sorted(names)
+    strata = _strata(names, outcomes, are_maps_fresh=are_maps_fresh)
+    best = fit(count(len(names), sum(strata, Counter()))[None])[0]
+    return _summarise(names, best, bootstrap(len(names), strata, best, n_draws))
+
+
+def _strata(names: Sequence[str], outcomes: Iterable[Outcome], *, are_maps_fresh: bool) -> list[Counter[Unit]]:
+    index = {name: number for number, name in enumerate(names)}
+    games: list[tuple[str, Game]] = []
+    for outcome in outcomes:
+        result = 1 if outcome.winner is None else 0 if outcome.winner is Team.BLUE else 2
+        games.append((outcome.identity, (index[outcome.blue], index[outcome.red], result)))
+    if are_maps_fresh:
+        return [Counter((game,) for _, game in games if (game[0] < game[1]) is is_first_blue) for is_first_blue in (True, False)]
+    pairs: defaultdict[str, list[Game]] = defaultdict(list)
+    for identity, game in games:
+        pairs[pair_of(identity)].append(game)
+    return [Counter(tuple(sorted(pair)) for pair in pairs.values())]
+
+
+def _summarise(names: Sequence[str], best: Floats, draws: Floats) -> Ratings:
+    n_entries = len(names)
+    tails = [(1 - LEVEL) / 2, (1 + LEVEL) / 2]
+    elo = _elo(best[None], n_entries)[0]
+    many = _elo(draws, n_entries)
+    low, high = np.quantile(many, tails, axis=0)
+    rank = rankdata(-elo.round(6), method="min").astype(int)
+    rank_low, rank_high = np.quantile(rankdata(-many, axis=1), tails, axis=0, method="nearest").round().astype(int)
+    above = _superiority(many)
+    side_low, side_high = np.quantile(draws[:, n_entries] * ELO, tails)
+    nu = float(np.exp(best[n_entries + 1]))
+    return Ratings(
+        entries={
+            name: Rating(
+                elo=float(elo[i]),
+                elo_low=float(min(low[i], elo[i])),
+                elo_high=float(max(high[i], elo[i])),
+                rank=int(rank[i]),
+                rank_low=int(min(rank_low[i], rank[i])),
+                rank_high=int(max(rank_high[i], rank[i])),
+            )
+            for i, name in enumerate(names)
+        },
+        superiority={(one, other): float(above[i, j]) for i, one in enumerate(names) for j, other in enumerate(names) if i != j},
+        side_elo=float(best[n_entries] * ELO),
+        side_elo_low=float(side_low),
+        side_elo_high=float(side_high),
+        draw_rate=nu / (nu + 2),
+    )
+
+
+def _elo(parameters: Floats, n_entries: int) -> Floats:
+    strengths = parameters[:, :n_entries]
+    elo: Floats = ELO * (strengths - strengths.mean(axis=1, keepdims=True))
+    return elo
+
+
+def _superiority(elo: Floats) -> Floats:
+    """Return the share of draws in which the row's entry is above the column's, shape (entries, entries)."""
+    ahead = np.sign((elo[:, :, None] - elo[:, None, :]).round(6))
+    share: Floats = (1 + ahead.mean(axis=0)) / 2
+    return share

@@ -1,0 +1,199 @@
+"""From results to the facts of a report: who stands where, who failed how, and whether a side was favoured.
+
+Everything here follows from the stored results alone, whatever their order; what a clock measured stands apart (`Latency`).
+"""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from statistics import median
+
+import numpy as np
+
+from arena.game.types import Team, Termination
+from tournaments.fixture import pair_of
+from tournaments.outcome import Outcome
+from tournaments.ratings.rate import N_DRAWS, Rating, rate
+from tournaments.ratings.residuals import Cycle, Residual, find_cycles, find_residuals
+
+FAULTS = ("late", "unreadable", "stale", "garbled", "vanished", "raised")
+"""What is counted against an entry, in the order of the report's columns."""
+_Z95 = 1.959964
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Latency:
+    """How long an entry took to answer."""
+
+    p50_s: float
+    """Median over matches of the match's median."""
+    p99_s: float
+    """Of its worst match."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Record:
+    """Wins, draws and losses, of an entry or of one entry against another."""
+
+    wins: int = 0
+    draws: int = 0
+    losses: int = 0
+
+    @property
+    def n_matches(self) -> int:
+        """Matches played."""
+        return self.wins + self.draws + self.losses
+
+    @property
+    def score(self) -> float | None:
+        """Points per match: 1 for a win, 0.5 for a draw; None without a match."""
+        return (self.wins + self.draws / 2) / self.n_matches if self.n_matches else None
+
+    def add(self, points: float) -> None:
+        """Count a match."""
+        if points == 1:
+            self.wins += 1
+        elif points == 0:
+            self.losses += 1
+        else:
+            self.draws += 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """One row of the leaderboard."""
+
+    name: str
+    rating: Rating
+    record: Record
+    faults: Mapping[str, int]
+    forfeits: int
+    latency: Latency | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SideBias:
+    """What playing blue was worth."""
+
+    blue_wins: int
+    draws: int
+    red_wins: int
+    bias: float
+    """Blue's points less red's, per match: 0 is fair, 1 is blue wins all."""
+    bias_low: float
+    """Lower end of the 95% interval of `bias`, over pairs."""
+    bias_high: float
+    elo: float
+    """The same, as the ratings see it: entries are of different strength."""
+    elo_low: float
+    elo_high: float
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the interval excludes 0."""
+        return self.bias_low > 0 or self.bias_high < 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standings:
+    """A league's table."""
+
+    rows: tuple[Standing, ...]
+    """The best first."""
+    cross: Mapping[tuple[str, str], Record]
+    """Of one entry against another, as the first sees it; both ways."""
+    superiority: Mapping[tuple[str, str], float]
+    """How likely the first is to be the stronger; both ways."""
+    residuals: tuple[Residual, ...]
+    """Every fixture beside what the ratings expect of it, the most surprising first."""
+    cycles: tuple[Cycle, ...]
+    side: SideBias
+    draw_rate: float
+    """Share of draws between equals, as the ratings see it."""
+    endings: Mapping[str, int]
+    n_matches: int
+    n_ticks: int
+
+
+@dataclass(slots=True)
+class _Seen:
+    """What is gathered of one entry."""
+
+    record: Record = field(default_factory=Record)
+    faults: Counter[str] = field(default_factory=Counter)
+    forfeits: int = 0
+    p50s_s: list[float] = field(default_factory=list)
+    p99s_s: list[float] = field(default_factory=list)
+
+
+def stand(
+    names: Iterable[str], outcomes: Iterable[Outcome], *, are_maps_fresh: bool = False, n_draws: int = N_DRAWS
+) -> Standings:
+    """Return the table of a league.
+
+    Parameters
+    ----------
+    names
+        Every entry, with matches or without.
+    outcomes
+        What was played; void matches are none.
+    are_maps_fresh
+        Whether no map came twice; see `rate`.
+    """
+    names, outcomes = list(names), list(outcomes)
+    seen = {name: _Seen() for name in names}
+    cross: defaultdict[tuple[str, str], Record] = defaultdict(Record)
+    for outcome in outcomes:
+        for team, own, other in ((Team.BLUE, outcome.blue, outcome.red), (Team.RED, outcome.red, outcome.blue)):
+            points = 0.5 if outcome.winner is None else float(outcome.winner is team)
+            entry, seat = seen[own], outcome.seats[team]
+            entry.record.add(points)
+            cross[own, other].add(points)
+            entry.faults.update(seat.faults)
+            entry.forfeits += outcome.ending is Termination.FORFEIT and outcome.winner is team.other
+            if seat.latency_p50_s is not None:
+                entry.p50s_s.append(seat.latency_p50_s)
+            if seat.latency_p99_s is not None:
+                entry.p99s_s.append(seat.latency_p99_s)
+    ratings = rate(names, outcomes, are_maps_fresh=are_maps_fresh, n_draws=n_draws)
+    rows = [
+        Standing(
+            name=name,
+            rating=ratings.entries[name],
+            record=entry.record,
+            faults={kind: entry.faults[kind] for kind in (*FAULTS, *sorted(set(entry.faults) - set(FAULTS)))},
+            forfeits=entry.forfeits,
+            latency=Latency(p50_s=median(entry.p50s_s), p99_s=max(entry.p99s_s)) if entry.p50s_s and entry.p99s_s else None,
+        )
+        for name, entry in seen.items()
+    ]
+    counts = Counter(outcome.ending for outcome in outcomes)
+    bias, low, high = _side_bias(outcomes)
+    sides = Counter(outcome.winner for outcome in outcomes)
+    return Standings(
+        rows=tuple(sorted(rows, key=lambda row: (row.rating.rank, row.name))),
+        cross=dict(cross),
+        superiority=ratings.superiority,
+        residuals=find_residuals(ratings, outcomes),
+        cycles=find_cycles(outcomes),
+        side=SideBias(
+            blue_wins=sides[Team.BLUE], draws=sides[None], red_wins=sides[Team.RED], bias=bias, bias_low=low, bias_high=high,
+            elo=ratings.side_elo, elo_low=ratings.side_elo_low, elo_high=ratings.side_elo_high,
+        ),
+        draw_rate=ratings.draw_rate,
+        endings={ending.name.lower(): counts[ending] for ending in Termination if counts[ending]},
+        n_matches=len(outcomes),
+        n_ticks=sum(outcome.ticks for outcome in outcomes),
+    )  # fmt: skip
+
+
+def _side_bias(outcomes: Iterable[Outcome]) -> tuple[float, float, float]:
+    """Return blue's points less red's per match, with a 95% interval over whole pairs; the widest there is without two pairs."""
+    pairs: defaultdict[str, list[int]] = defaultdict(list)
+    for outcome in outcomes:
+        pairs[pair_of(outcome.identity)].append({None: 0, Team.BLUE: 1, Team.RED: -1}[outcome.winner])
+    leads = np.array([np.mean(games) for _, games in sorted(pairs.items()) if len(games) == 2])
+    if len(leads) < 2:
+        return (float(leads.mean()) if len(leads) else 0.0), -1.0, 1.0
+    bias, margin = float(leads.mean()), _Z95 * float(leads.std(ddof=1)) / len(leads) ** 0.5
+    return bias, max(bias - margin, -1.0), min(bias + margin, 1.0)

@@ -1,0 +1,99 @@
+"""A league's report as text, Markdown, CSV, JSON or HTML."""
+
+import csv
+import json
+import re
+from collections.abc import Iterable, Sequence
+from io import StringIO
+from pathlib import Path
+
+from arena.console import format_table
+from arena.errors import InputError
+from tournaments.reports.report import MOST_TOLD, Report, fault_kinds, leaderboard, rounded, row_facts, summary, to_facts
+
+
+def render(report: Report, form: str, page: Path, journals: Path) -> str:
+    """Return a report in the format `text`, `html`, `md`, `csv` or `json`.
+
+    Parameters
+    ----------
+    page
+        Where it will lie; the links of HTML start there.
+    journals
+        The folder of the league's journals.
+    """
+    if form == "html":
+        from tournaments.reports.page import to_html
+
+        return to_html(report, page, journals)
+    return {"text": to_text, "md": to_markdown, "csv": to_csv, "json": to_json}[form](report)
+
+
+def save(path: Path, text: str) -> None:
+    """Write a report into a file, whose folder is made if need be."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+
+def to_json(report: Report) -> str:
+    """Return the report as one JSON document."""
+    return json.dumps(to_facts(report), indent=2, ensure_ascii=False) + "\n"
+
+
+def to_text(report: Report) -> str:
+    """Return the leaderboard and its summary as plain text."""
+    return format_table(*leaderboard(report)) + "\n".join(summary(report)) + "\n"
+
+
+def to_markdown(report: Report) -> str:
+    """Return the leaderboard, its summary, who is likely the stronger, and what the ratings do not tell, as Markdown."""
+    standings = report.standings
+    names = [row.name for row in standings.rows]
+    lines = [f"# {_plain(report.league.name)}", "", *_table(*leaderboard(report)), ""]
+    lines += [f"- {_plain(line)}" for line in summary(report)]
+    if standings.n_matches:
+        chances = [(one, *(_percent(standings.superiority.get((one, other))) for other in names)) for one in names]
+        lines += ["", "## How likely the row is stronger than the column, in percent", "", *_table(("entry", *names), chances)]
+    if standings.residuals:
+        lines += ["", "## Fixtures farthest from their ratings", ""]
+        lines += _table(
+            ("entry", "against", "score", "expected", "standard errors"),
+            [
+                (one.one, one.other, f"{one.score:.3f}", f"{one.expected:.3f}", f"{one.z:+.1f}")
+                for one in standings.residuals[:MOST_TOLD]
+            ],
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100 * share:.0f}"
+
+
+def _table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
+    marks = ["---" if column in ("entry", "against") else "---:" for column in columns]
+    table = ([_plain(column) for column in columns], marks, *([_plain(str(cell)) for cell in row] for row in rows))
+    return [f"| {' | '.join(cells)} |" for cells in table]
+
+
+def _plain(text: str) -> str:
+    """Escape what Markdown would take for more than text."""
+    return re.sub(r"([\\`*_{}\[\]<>#|~&!])", r"\\\1", " ".join(text.split()))
+
+
+def to_csv(report: Report) -> str:
+    """Return the leaderboard as CSV: a row for each entry, an empty cell for what is not known."""
+    standings = report.standings.rows
+    facts = [row_facts(row) for row in standings]
+    columns = [name for name in (facts[0] if facts else ()) if name != "faults"]
+    kinds = fault_kinds(standings)
+    text = StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow((*columns, *kinds, "latency_p50_s", "latency_p99_s"))
+    for row, fact in zip(standings, facts, strict=True):
+        latency = (None, None) if row.latency is None else (rounded(row.latency.p50_s, 6), rounded(row.latency.p99_s, 6))
+        table.writerow((*(fact[name] for name in columns), *(row.faults.get(kind, 0) for kind in kinds), *latency))
+    return text.getvalue()

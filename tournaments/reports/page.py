@@ -1,0 +1,147 @@
+"""A league's report as one HTML file: nothing is fetched for it, and names are text wherever they stand."""
+
+import os
+from base64 import b64encode
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from hashlib import sha256
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from jinja2 import Environment, StrictUndefined, Template
+
+from arena.game.types import Team
+from arena.records.journal import journal_name
+from tournaments.outcome import Outcome
+from tournaments.ratings.standings import Standing
+from tournaments.reports.charts import chance_map, heat_map, rating_plot, say_record, side_plot
+from tournaments.reports.report import LATENCY_NOTE, MOST_TOLD, Report, fault_kinds, rank_range, verdict_lines, warnings
+from tournaments.store.store import StoredLeague
+
+MOST_LISTED = 600
+"""Matches whose lists stand in the page; those of more are written by its script, a fixture's when its cell is chosen."""
+_MEANINGS = {
+    "forfeits": "matches lost by not being there, or by too many missed turns",
+    "late": "turns without an answer in time",
+    "unreadable": "answers that were not one legal action per unit",
+    "stale": "messages for another tick, or a second answer",
+    "garbled": "messages that were none",
+    "forged": "messages that somebody else sent in its name",
+    "vanished": "lost connections",
+    "raised": "turns on which its own code failed",
+}
+
+
+def to_html(report: Report, page: Path, journals: Path) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    page
+        Where the page will lie; links to journals start there.
+    journals
+        The folder of the league's journals.
+    """
+    standings = report.standings
+    folder = _url(os.path.relpath(journals, page.parent)) + "/"
+    kinds = ["forfeits", *fault_kinds(standings.rows)]
+    failures = [kind for kind in kinds if any(_failures(row)[kind] for row in standings.rows)]
+    fixtures = _fixtures(report.outcomes)
+    is_listed = standings.n_matches <= MOST_LISTED
+    found = {} if is_listed else {pair: _letters(report.league, pair, fixtures[pair]) for pair in fixtures}
+    return _template().render(
+        report=report,
+        league=report.league,
+        standings=standings,
+        rows=standings.rows,
+        failures=failures,
+        absent=[kind for kind in kinds if kind not in failures],
+        meanings=defaultdict(str, _MEANINGS),
+        counts=lambda row: [_failures(row)[kind] for kind in failures],
+        plot=rating_plot(standings.rows),
+        side=side_plot(standings.side),
+        sides=(("blue", standings.side.blue_wins), ("drawn", standings.side.draws), ("red", standings.side.red_wins)),
+        heat=heat_map(standings),
+        chances=chance_map(standings) if standings.n_matches else {},
+        residuals=standings.residuals[:MOST_TOLD],
+        verdict=verdict_lines(report),
+        warnings=warnings(report),
+        fixtures=[_list(report, pair, fixtures[pair], folder) for pair in fixtures] if is_listed else [],
+        numbers={pair: number for number, pair in enumerate(fixtures)} if is_listed else {},
+        letters={pair: text for pair, text in found.items() if text is not None},
+        folder=folder,
+        rank_range=rank_range,
+        has_latency=any(row.latency for row in standings.rows),
+        latency_note=LATENCY_NOTE,
+    )
+
+
+@cache
+def _template() -> Template:
+    """Return the template, with its style and its script in it; no other script will run in the page."""
+    here = files("tournaments") / "templates"
+    page, style, script = ((here / name).read_text(encoding="utf-8") for name in ("report.html", "report.css", "report.js"))
+    room = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    room.globals.update(
+        style=style,
+        script=script,
+        script_hash=b64encode(sha256(script.encode()).digest()).decode(),
+    )
+    return room.from_string(page)
+
+
+def _failures(row: Standing) -> Counter[str]:
+    return Counter({"forfeits": row.forfeits, **row.faults})
+
+
+def _fixtures(outcomes: Iterable[Outcome]) -> Mapping[tuple[str, str], Sequence[Outcome]]:
+    """Return the matches of every two entries, sorted."""
+    fixtures: defaultdict[tuple[str, str], list[Outcome]] = defaultdict(list)
+    for outcome in outcomes:
+        one, other = sorted((outcome.blue, outcome.red))
+        fixtures[one, other].append(outcome)
+    return dict(sorted(fixtures.items()))
+
+
+def _list(report: Report, pair: tuple[str, str], outcomes: Sequence[Outcome], folder: str) -> dict[str, Any]:
+    """Return a fixture with its matches, and where their journals lie."""
+    return {
+        "pair": pair,
+        "says": " v ".join(pair) + ": " + say_record(report.standings.cross[pair]),
+        "matches": [
+            {"outcome": outcome, "says": _say(outcome), "url": folder + _url(journal_name(outcome.identity))}
+            for outcome in outcomes
+        ],
+    }
+
+
+def _letters(league: StoredLeague, pair: tuple[str, str], outcomes: Sequence[Outcome]) -> str | None:
+    """Return how the first of two entries fared in each match, a letter each; None where the script could not name the journals.
+
+    A pair of matches has two letters, the first for the match that the first entry played as blue; `-` was not played.
+    """
+    one, other = pair
+    names = [f"{league.name}/{one}/{other}/{number:04}/{blue}-blue/0" for number in range(league.n_pairs) for blue in pair]
+    found = {outcome.identity: _letter(outcome, one) for outcome in outcomes}
+    if not found.keys() <= set(names) or any(journal_name(name) != name.replace("/", "+") + ".journal" for name in found):
+        return None
+    return "".join(found.get(name, "-") for name in names).rstrip("-")
+
+
+def _letter(outcome: Outcome, entry: str) -> str:
+    own = Team.BLUE if outcome.blue == entry else Team.RED
+    return "d" if outcome.winner is None else "w" if outcome.winner is own else "l"
+
+
+def _say(outcome: Outcome) -> str:
+    how = outcome.ending.name.lower().replace("_", " ")
+    why = f" ({outcome.reason})" if outcome.reason else ""
+    winner = outcome.blue if outcome.winner is Team.BLUE else outcome.red
+    return f"{'draw' if outcome.winner is None else f'{winner} wins'} by {how}{why}, {outcome.ticks} ticks"
+
+
+def _url(path: str) -> str:
+    return quote(path.replace(os.sep, "/"))

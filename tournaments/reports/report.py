@@ -1,0 +1,259 @@
+"""A league's report: its facts as one document, its leaderboard, and what there is to say of it. `formats` writes it.
+
+The same results give the same document to the byte, however often the league was stopped on its way: what a clock measured, and
+when the report was written, stands under the one key `wall`.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from typing import Any
+
+from tournaments.league.schedule import count_matches
+from tournaments.outcome import Outcome
+from tournaments.ratings.rate import N_DRAWS
+from tournaments.ratings.sprt import PAIR_SCORES
+from tournaments.ratings.standings import Standing, Standings, stand
+from tournaments.running.duel import Duel, duel_facts, judge
+from tournaments.store.store import StoredLeague
+
+FORMAT = 1
+"""Of the JSON document; rises whenever a key changes its meaning."""
+LATENCY_NOTE = "p50 is the median over matches, p99 that of the worst; of a match, since its referee was last started"
+"""What the columns of answer times are of."""
+MOST_TOLD = 5
+"""Residuals, and cycles, that a reader is told of; the document holds all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """Everything that a report tells."""
+
+    league: StoredLeague
+    standings: Standings
+    outcomes: tuple[Outcome, ...]
+    n_planned: int
+    secret: bytes | None
+    """The league's, once its last match is over."""
+    written_at: datetime
+    duel: Duel | None = None
+    """The test that the league plays, if it plays one; then only the matches of its pairs are reported."""
+    findings: tuple[str, ...] = ()
+    """Sentences on what a reader should beware of, beside those that `warnings` finds itself."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every match was played, or enough of them to decide a test."""
+        return (self.duel is not None and self.duel.is_decided) or self.standings.n_matches >= self.n_planned
+
+
+def make_report(
+    league: StoredLeague,
+    outcomes: Iterable[Outcome],
+    secret: bytes | None = None,
+    *,
+    n_draws: int = N_DRAWS,
+    findings: Iterable[str] = (),
+) -> Report:
+    """Return the report of a league; its secret is told only if no match is left to be played."""
+    test = judge(league.facts, outcomes := tuple(outcomes))
+    counted = outcomes if test is None else test.outcomes
+    names = list(league.facts["entries"])
+    report = Report(
+        league=league,
+        standings=stand(names, counted, are_maps_fresh=league.facts.get("maps") == "fresh", n_draws=n_draws),
+        outcomes=counted,
+        n_planned=count_matches(len(names), league.n_pairs, is_gauntlet="hero" in league.facts),
+        secret=secret,
+        written_at=datetime.now(UTC),
+        duel=test,
+        findings=tuple(findings),
+    )
+    return report if report.is_complete else replace(report, secret=None)
+
+
+def to_facts(report: Report) -> dict[str, Any]:
+    """Return the report as what JSON can hold; numbers are rounded to what they can mean."""
+    league, standings = report.league, report.standings
+    return {
+        "format": FORMAT,
+        "league": {
+            "name": league.name,
+            "hash": league.hash,
+            **league.facts,
+            "secret": None if report.secret is None else report.secret.hex(),
+            "secret_commitment": league.facts.get("secret"),
+            "pairs": league.n_pairs,
+        },
+        "matches": {
+            "played": standings.n_matches,
+            "planned": report.n_planned,
+            "complete": report.is_complete,
+            "ticks": standings.n_ticks,
+            "endings": dict(standings.endings),
+        },
+        "standings": [row_facts(row) for row in standings.rows],
+        "cross": {
+            row.name: {
+                other.name: asdict(record) | {"score": rounded(record.score, 4)}
+                for other in standings.rows
+                if (record := standings.cross.get((row.name, other.name))) is not None
+            }
+            for row in standings.rows
+        },
+        "superiority": {
+            row.name: {
+                other.name: rounded(standings.superiority[row.name, other.name], 4)
+                for other in standings.rows
+                if other.name != row.name
+            }
+            for row in standings.rows
+        },
+        "side": {name: rounded(value, 4) for name, value in asdict(standings.side).items()}
+        | {"significant": standings.side.is_significant},
+        "draw_rate": rounded(standings.draw_rate, 4),
+        "residuals": [{name: rounded(value, 4) for name, value in asdict(residual).items()} for residual in standings.residuals],
+        "cycles": [
+            {"entries": list(cycle.entries), "scores": [rounded(score, 4) for score in cycle.scores], "p": rounded(cycle.p, 6)}
+            for cycle in standings.cycles
+        ],
+        **({} if report.duel is None else {"sprt": duel_facts(report.duel, league.n_pairs)}),
+        "wall": {
+            "written_at": report.written_at.isoformat(timespec="seconds"),
+            "latency": {row.name: None if row.latency is None else asdict(row.latency) for row in standings.rows},
+        },
+    }
+
+
+def row_facts(row: Standing) -> dict[str, Any]:
+    """Return a row of the leaderboard as what JSON can hold."""
+    rating, record = row.rating, row.record
+    return {
+        "rank": rating.rank,
+        "rank_low": rating.rank_low,
+        "rank_high": rating.rank_high,
+        "entry": row.name,
+        "elo": rounded(rating.elo, 1),
+        "elo_low": rounded(rating.elo_low, 1),
+        "elo_high": rounded(rating.elo_high, 1),
+        "matches": record.n_matches,
+        "wins": record.wins,
+        "draws": record.draws,
+        "losses": record.losses,
+        "points": record.wins + record.draws / 2,
+        "score": rounded(record.score, 4),
+        "forfeits": row.forfeits,
+        "faults": dict(row.faults),
+    }
+
+
+def rounded(value: Any, digits: int) -> Any:
+    """Return a number with so many digits behind its point, and what is none as it is."""
+    return round(value, digits) + 0.0 if isinstance(value, float) else value  # + 0.0: there is no -0.0
+
+
+def leaderboard(report: Report) -> tuple[Sequence[str], list[Sequence[object]]]:
+    """Return the columns and rows of the leaderboard; a kind of failure that nobody had takes no room."""
+    rows = report.standings.rows
+    kinds = [kind for kind in fault_kinds(rows) if any(row.faults.get(kind) for row in rows)]
+    forfeits = ["forfeits"] if any(row.forfeits for row in rows) else []
+    latency = ["p50 ms", "p99 ms"] if any(row.latency for row in rows) else []
+    columns = ("rank", "entry", "Elo", "95% interval", "score", "wins", "draws", "losses", *forfeits, *kinds, *latency)
+    return columns, [
+        (
+            rank_range(row),
+            row.name,
+            f"{row.rating.elo:+.0f}",
+            f"{row.rating.elo_low:+.0f} to {row.rating.elo_high:+.0f}",
+            "-" if row.record.score is None else f"{row.record.score:.3f}",
+            row.record.wins,
+            row.record.draws,
+            row.record.losses,
+            *([row.forfeits] if forfeits else []),
+            *(row.faults.get(kind, 0) for kind in kinds),
+            *(_milliseconds(row) if latency else []),
+        )
+        for row in rows
+    ]
+
+
+def fault_kinds(rows: Iterable[Standing]) -> list[str]:
+    """Return every kind of failure that is counted, in the order of a report's columns."""
+    return list(dict.fromkeys(kind for row in rows for kind in row.faults))
+
+
+def rank_range(row: Standing) -> str:
+    """Return a rank as what is known of it, as in `2 to 4`."""
+    low, high = row.rating.rank_low, row.rating.rank_high
+    return f"{low}" if low == high else f"{low} to {high}"
+
+
+def _milliseconds(row: Standing) -> tuple[str, str]:
+    if row.latency is None:
+        return "-", "-"
+    return f"{1_000 * row.latency.p50_s:.1f}", f"{1_000 * row.latency.p99_s:.1f}"
+
+
+def warnings(report: Report) -> list[str]:
+    """Return what a reader should beware of, a sentence each."""
+    standings = report.standings
+    side = standings.side
+    favoured = "blue" if side.bias > 0 else "red"
+    share = 100 * (1 + abs(side.bias)) / 2
+    unfair = f"{favoured} is favoured: it takes {share:.1f}% of the points, and the 95% interval of its lead excludes 0"
+    return [
+        *([unfair] if side.is_significant else []),
+        *_first([cycle.sentence for cycle in standings.cycles], "circles"),
+        *_first([residual.sentence for residual in standings.residuals if residual.is_significant], "such fixtures"),
+        *report.findings,
+    ]
+
+
+def _first(sentences: Sequence[str], what: str) -> list[str]:
+    """Return the first of many sentences, and how many there are more."""
+    n_more = len(sentences) - MOST_TOLD
+    return [*sentences[:MOST_TOLD], *([f"{n_more} more {what} are in the JSON document"] if n_more > 0 else [])]
+
+
+def verdict_lines(report: Report) -> list[str]:
+    """Return what the test of a league says, a line each; nothing if it plays none."""
+    test = report.duel
+    if test is None:
+        return []
+    low, high = test.sprt.bounds
+    counts = ", ".join(f"{n:,} of {score:g}" for n, score in zip(test.sprt.counts, PAIR_SCORES, strict=True))
+    lines = [
+        test.verdict(report.league.n_pairs),
+        f"log likelihood ratio {test.sprt.llr:+.2f}: no at {low:+.2f}, yes at {high:+.2f} "
+        f"(elo0 {test.sprt.elo0:g}, elo1 {test.sprt.elo1:g}, alpha {test.sprt.alpha:g}, beta {test.sprt.beta:g})",
+        f"pairs by points of {test.hero}: {counts}",
+    ]
+    if test.n_beyond:
+        lines.append(f"{test.n_beyond:,} matches beyond the deciding pair are stored and do not count")
+    return lines
+
+
+def summary(report: Report) -> list[str]:
+    """Return what stands under the leaderboard, a line each."""
+    league, standings = report.league, report.standings
+    side = standings.side
+    endings = ", ".join(f"{n:,} by {name.replace('_', ' ')}" for name, n in standings.endings.items())
+    played = f"{standings.n_matches:,} of {report.n_planned:,}" if not report.is_complete else f"{standings.n_matches:,}"
+    lines = [f"league {league.name}: {played} matches{f' ({endings})' if endings else ''}; rules {league.facts['ruleset']}"]
+    if standings.n_matches:
+        verdict = "a side is favoured" if side.is_significant else "no side is shown to be favoured"
+        lines.append(
+            f"blue won {side.blue_wins:,}, red won {side.red_wins:,}; blue's points less red's {side.bias:+.3f} a match "
+            f"({side.bias_low:+.3f} to {side.bias_high:+.3f}): {verdict}"
+        )
+        lines.append(
+            f"drawn {side.draws:,} ({side.draws / standings.n_matches:.1%}); "
+            f"two of equal strength would draw {standings.draw_rate:.1%} of their matches"
+        )
+    if any(row.latency for row in standings.rows):
+        lines.append(LATENCY_NOTE)
+    lines += [f"test: {sentence}" for sentence in verdict_lines(report)]
+    lines += [f"warning: {sentence}" for sentence in warnings(report)]
+    if not report.is_complete:
+        lines.append("the league is not over: arena tournament run goes on with it")
+    return lines

@@ -1,0 +1,94 @@
+"""The leagues of a store for the web page: their reports, live, and the journals that may be seen.
+
+`clients.web.providers.Leagues` is what the page asks of them.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from arena.errors import ArenaError, InputError, JournalError
+from arena.records.journal import journal_name
+from tournaments.fixture import pair_of
+from tournaments.reports.report import make_report, to_facts
+from tournaments.running.scheduler import Folders
+from tournaments.store.store import Store, StoredLeague
+
+_N_DRAWS = 200
+"""Of the intervals while a league runs, when they are drawn anew after every match; then as many as in its report."""
+_MOST_BYTES = 1 << 24
+
+
+class Leagues:
+    """The leagues of a data folder, opened anew for each question: a store that is not there yet may come."""
+
+    def __init__(self, data: Path, db: str) -> None:
+        self._folders = Folders(data=data)
+        self._db = db or str(data / "arena.db")
+        self._reports: dict[str, tuple[tuple[str, int, int], dict[str, Any]]] = {}
+        """By league: its hash, its pairs and how many results it had, and what was reported of them."""
+
+    def names(self) -> list[str]:
+        """Return the names of all leagues, the one that was run last first; none if there is no store."""
+        try:
+            with self._open() as store:
+                return [league.name for league in store.leagues()]
+        except InputError:
+            return []
+
+    def report(self, name: str) -> dict[str, Any]:
+        """Return the facts of a league's report, and under `results` its matches, pair by pair."""
+        with self._open() as store:
+            league = store.get(name)
+            state = league.hash, league.n_pairs, store.count(league)
+            before, facts = self._reports.get(name, (("", 0, 0), {}))
+            if before == state:
+                return facts
+            outcomes = store.outcomes(league)
+        report = make_report(league, outcomes, n_draws=_N_DRAWS)
+        facts = to_facts(make_report(league, outcomes) if report.is_complete else report)
+        facts["results"] = [
+            {
+                "identity": one.identity,
+                "blue": one.blue,
+                "red": one.red,
+                "winner": None if one.winner is None else one.winner.name.lower(),
+                "ending": one.ending.name.lower(),
+                "ticks": one.ticks,
+            }
+            for one in outcomes
+        ]
+        self._reports[name] = (*state[:2], len(outcomes)), facts
+        return facts
+
+    def journal(self, name: str, identity: str) -> bytes:
+        """Return the journal of a match, once all matches of its two entries are over: another may be on its map.
+
+        A test that is decided needs no more of them, but the pair of the match must be whole.
+        """
+        with self._open() as store:
+            league = store.get(name)
+            played = store.identities(league)
+        if identity not in played:
+            raise ArenaError(f"league {name} has no match {identity} that is over")
+        is_decided = _is_pair_over(identity, played) and self.report(name)["matches"]["complete"]
+        if not is_decided and not _is_fixture_over(league, identity, played):
+            raise ArenaError("the journal is not to be seen until the last match of these two is over")
+        path = self._folders.journals(name) / journal_name(identity)
+        try:
+            if path.stat().st_size > _MOST_BYTES:
+                raise JournalError(f"the journal {path.name} is too long to be one")
+            return path.read_bytes()
+        except OSError as error:
+            raise JournalError(f"the journal {path.name} cannot be read: {error.strerror}") from error
+
+    def _open(self) -> Store:
+        return Store(self._db, make=False)
+
+
+def _is_pair_over(identity: str, played: set[str]) -> bool:
+    return sum(pair_of(one) == pair_of(identity) for one in played) == 2
+
+
+def _is_fixture_over(league: StoredLeague, identity: str, played: set[str]) -> bool:
+    fixture = pair_of(identity).rpartition("/")[0]
+    return sum(pair_of(one).rpartition("/")[0] == fixture for one in played) >= 2 * league.n_pairs

@@ -1,0 +1,1 @@
+"""Running a league: preflight, scheduler, recovery, progress."""

@@ -1,0 +1,29 @@
+"""How far a league is, from its stored results."""
+
+from typing import Any
+
+from tournaments.league.league import League
+from tournaments.league.schedule import count_matches
+from tournaments.running.duel import judge
+from tournaments.store.store import Store, StoredLeague
+
+
+def progress_of(store: Store, league: StoredLeague) -> dict[str, Any]:
+    """Return how many matches of a league are stored, and whether it is over; of a test, `planned` is the most."""
+    n_entries = len(league.facts["entries"])
+    n_planned = count_matches(n_entries, league.n_pairs, is_gauntlet="hero" in league.facts)
+    n_played = store.count(league)
+    test = judge(league.facts, store.outcomes(league)) if "sprt" in league.facts else None
+    return {
+        "league": league.name,
+        "entries": n_entries,
+        "played": n_played,
+        "planned": n_planned,
+        "complete": n_played >= n_planned or (test is not None and test.is_decided),
+    }
+
+
+def is_over(store: Store, league: League) -> bool:
+    """Return whether nothing is left to be played of what a league's file asks for, edits of it aside."""
+    row = store.find(league.name)
+    return row is not None and league.n_pairs <= row.n_pairs and bool(progress_of(store, row)["complete"])

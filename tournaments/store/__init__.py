@@ -1,0 +1,1 @@
+"""Results in SQL: the store, its schema, its migrations, and the lock of a league."""

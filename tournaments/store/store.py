@@ -1,0 +1,303 @@
+"""Results in SQL, each match once: what is in here is never played again.
+
+Tables: `leagues`, a row of facts each; `matches`, a row for each match that ended, its identity unique. SQLite in WAL mode, so
+that reports can be read while a league runs; or PostgreSQL, which may be killed and come back while a league runs. A commit
+reaches the system at once: a killed process loses nothing.
+"""
+
+import json
+import logging
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from threading import RLock
+from typing import Any, Self, TypeVar
+
+from sqlalchemy import Connection, Engine, func, select, text
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import DatabaseError
+
+from arena.errors import UnknownNameError
+from arena.game.types import Team, Termination
+from tournaments.league.edits import find_edit, hash_facts
+from tournaments.outcome import Outcome, SeatOutcome
+from tournaments.store.lock import TakenError, lock_file
+from tournaments.store.migrations.upgrade import upgrade
+from tournaments.store.schema import LEAGUES, MATCHES, StoreError, explain, is_lost, number, reach
+
+__all__ = ["Store", "StoreError", "StoredLeague", "TakenError"]
+
+PATIENCE_S = 30.0
+"""How long a server may be away in the middle of a league."""
+T = TypeVar("T")
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredLeague:
+    """A league as its results were played under."""
+
+    id: int
+    name: str
+    hash: str
+    facts: Mapping[str, Any]
+    """`League.facts`, and under `secret` what binds it to its secret."""
+    n_pairs: int
+
+
+class Store:
+    """The results of all leagues in one database."""
+
+    def __init__(self, url: str, *, make: bool = True, patience_s: float = PATIENCE_S) -> None:
+        """Open a store, and with `make` lay its tables if need be; `url` is of SQLAlchemy, or a file."""
+        self._engine, self._where = reach(url, must_exist=not make)
+        self._insert = postgresql.insert if self._engine.dialect.name == "postgresql" else sqlite.insert
+        keep = self._insert(MATCHES).on_conflict_do_nothing(index_elements=["identity"]).inline()
+        self._keep = keep.execution_options(preserve_rowcount=True)
+        self._patience_s = patience_s
+        self._sessions: dict[str, _LockedSession] = {}
+        try:
+            with self._saying("open"):
+                upgrade(self._engine, self._where, make=make)
+        except BaseException:
+            self._engine.dispose()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._engine.dispose()
+
+    @contextmanager
+    def _saying(self, what: str) -> Iterator[None]:
+        """Turn what the database says into one sentence."""
+        try:
+            yield
+        except DatabaseError as error:
+            raise StoreError(explain(what, self._where, error)) from error
+
+    def _do(self, what: str, work: Callable[[Connection], T], league: str | None = None) -> T:
+        """Do something in one transaction; if the server goes away, wait for it and do it again.
+
+        What is done to a league whose lock is held is done in the session that holds it: whoever lost the lock cannot write.
+        """
+        give_up_at = None
+        while True:
+            try:
+                session = self._sessions.get(league) if league is not None else None
+                with session.use() if session is not None else self._engine.connect() as connection, connection.begin():
+                    return work(connection)
+            except (DatabaseError, TakenError) as error:
+                is_over = give_up_at is not None and time.monotonic() > give_up_at
+                if isinstance(error, TakenError):
+                    if give_up_at is None or is_over:  # until then, the server may not know that our old session is dead
+                        raise
+                elif is_over or not is_lost(error):
+                    raise StoreError(explain(what, self._where, error)) from error
+                elif give_up_at is None:
+                    give_up_at = time.monotonic() + self._patience_s
+                    said = explain(what, self._where, error)
+                    logger.warning("%s; trying again for %.0f s", said, self._patience_s)
+                time.sleep(0.2)
+
+    @contextmanager
+    def lock(self, league: str) -> Iterator[None]:
+        """Keep every other scheduler off a league; the lock dies with its process.
+
+        Raises
+        ------
+        TakenError
+            Another scheduler runs the league.
+        """
+        if self._engine.dialect.name != "postgresql":
+            if self._where == ":memory:":  # where nobody else can come
+                yield
+                return
+            file = os.path.realpath(self._where.removeprefix("file:").partition("?")[0])
+            with lock_file(Path(f"{file}.{league}.lock"), league):
+                yield
+            return
+        session = _LockedSession(self._engine, self._where, league)
+        with self._saying("lock a league in"), session.use():
+            pass
+        self._sessions[league] = session
+        try:
+            yield
+        finally:
+            del self._sessions[league]
+            session.release()
+
+    def enter(self, name: str, facts: Mapping[str, Any], n_pairs: int) -> StoredLeague:
+        """Return the row of a league that is about to be run, made if need be.
+
+        Raises
+        ------
+        StoreError
+            It has results that were played under other facts, or more pairs; the sentence names the edit.
+        """
+        before = self.find(name)
+        if before is not None and self.count(before) > 0:
+            edit = find_edit(before.facts, facts)
+            if edit is None and n_pairs < before.n_pairs:
+                edit = f"pairs were lowered (were {before.n_pairs}, are {n_pairs})"
+            if edit is not None:
+                raise StoreError(f"league {name} has results, and {edit}: undo that, or give the league another name")
+        values = {
+            "hash": hash_facts(facts), "facts": json.dumps(facts, sort_keys=True), "n_pairs": n_pairs, "run_at": time.time(),
+        }  # fmt: skip
+        row = self._insert(LEAGUES).values(name=name, **values).on_conflict_do_update(index_elements=["name"], set_=values)
+        self._do("write to", lambda connection: connection.execute(row), name)
+        found = self.find(name)
+        if found is None:
+            raise StoreError(f"league {name} was taken out of the store while it began")
+        return found
+
+    def find(self, name: str) -> StoredLeague | None:
+        """Return a league by its name."""
+        rows = self._leagues(select(LEAGUES).where(LEAGUES.c.name == name))
+        return rows[0] if rows else None
+
+    def get(self, name: str) -> StoredLeague:
+        """Return a league by its name, or refuse, naming the nearest."""
+        found = self.find(name)
+        if found is None:
+            self.latest()
+            raise UnknownNameError(f"league in {self._where}", name, [league.name for league in self.leagues()])
+        return found
+
+    def latest(self) -> StoredLeague:
+        """Return the league that was run last."""
+        leagues = self.leagues()
+        if not leagues:
+            raise StoreError(f"the store {self._where} holds no league yet; arena tournament run plays one")
+        return leagues[0]
+
+    def leagues(self) -> list[StoredLeague]:
+        """Return every league, the one that was run last first."""
+        return self._leagues(select(LEAGUES).order_by(LEAGUES.c.run_at.desc(), LEAGUES.c.id.desc()))
+
+    def _leagues(self, query: Any) -> list[StoredLeague]:
+        rows = self._do("read", lambda connection: connection.execute(query).all())
+        return [
+            StoredLeague(id=row.id, name=row.name, hash=row.hash, facts=json.loads(row.facts), n_pairs=row.n_pairs)
+            for row in rows
+        ]
+
+    def add(self, league: StoredLeague, outcome: Outcome) -> bool:
+        """Keep a match that ended; False if it was kept before. A void match is no result and is refused."""
+        if outcome.ending in (Termination.VOID, Termination.RUNNING):
+            raise ValueError(f"{outcome.identity} is {outcome.ending.name.lower()}, which is no result")
+        row = {
+            "league_id": league.id,
+            "identity": outcome.identity,
+            "blue": outcome.blue,
+            "red": outcome.red,
+            "ending": outcome.ending.name.lower(),
+            "winner": None if outcome.winner is None else outcome.winner.name.lower(),
+            "score": outcome.score,
+            "ticks": outcome.ticks,
+            "reason": _clean(outcome.reason),
+            "seats": json.dumps({team.name.lower(): _pack(seat) for team, seat in sorted(outcome.seats.items())}),
+        }
+        n_tries = 0
+
+        def work(connection: Connection) -> bool:
+            nonlocal n_tries
+            n_tries += 1
+            if connection.execute(self._keep, row).rowcount == 1:
+                return True
+            if n_tries == 1:
+                return False
+            # A server that died before it answered may have kept it at an earlier try.
+            kept = select(*(MATCHES.c[name] for name in row)).where(MATCHES.c.identity == outcome.identity)
+            return dict(connection.execute(kept).one()._mapping) == row
+
+        return self._do("write to", work, league.name)
+
+    def outcomes(self, league: StoredLeague) -> list[Outcome]:
+        """Return a league's results, sorted by identity: in whatever order they came, they are told alike."""
+        query = select(MATCHES).where(MATCHES.c.league_id == league.id)
+        rows = self._do("read", lambda connection: connection.execute(query).all())
+        return sorted((_outcome(row) for row in rows), key=lambda outcome: outcome.identity)  # databases sort by their locale
+
+    def identities(self, league: StoredLeague) -> set[str]:
+        """Return what was played."""
+        query = select(MATCHES.c.identity).where(MATCHES.c.league_id == league.id)
+        return self._do("read", lambda connection: set(connection.scalars(query)))
+
+    def count(self, league: StoredLeague) -> int:
+        """Return how many results a league has."""
+        query = select(func.count()).where(MATCHES.c.league_id == league.id)
+        return self._do("read", lambda connection: int(connection.scalar(query) or 0))
+
+
+class _LockedSession:
+    """A league's lock in PostgreSQL, and the session that holds it; when the session dies, so does the lock."""
+
+    def __init__(self, engine: Engine, where: str, league: str) -> None:
+        self._engine, self._where, self._league = engine, where, league
+        self._number = number(f"arena league {league}")
+        self._one_at_a_time = RLock()
+        self._connection: Connection | None = None
+
+    @contextmanager
+    def use(self) -> Iterator[Connection]:
+        """Lend the session, for one thread at a time; a dead one is followed by a new one that takes the lock again."""
+        with self._one_at_a_time:
+            if self._connection is None or self._connection.invalidated:
+                self.release()
+                self._connection = self._take()
+            yield self._connection
+
+    def _take(self) -> Connection:
+        # Every statement commits by itself, so that no transaction stays open between two matches.
+        connection = self._engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+        try:
+            with connection.begin():
+                # The server is to notice within a minute, too, that this machine vanished.
+                for name, seconds in (("idle", 30), ("interval", 10), ("count", 3)):
+                    connection.execute(text(f"SET tcp_keepalives_{name} = {seconds}"))
+                if not connection.scalar(select(func.pg_try_advisory_lock(self._number))):
+                    raise TakenError(self._league, f"its lock in {self._where}")
+        except BaseException:
+            connection.close()
+            raise
+        return connection
+
+    def release(self) -> None:
+        """Let the lock go."""
+        connection, self._connection = self._connection, None
+        if connection is None:
+            return
+        with suppress(DatabaseError):
+            if not connection.invalidated:
+                with connection.begin():
+                    connection.execute(select(func.pg_advisory_unlock(self._number)))
+        connection.close()
+
+
+def _clean(words: str) -> str:
+    """Replace what a text in PostgreSQL cannot hold, and what is no text: a reason may quote a stranger."""
+    return words.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode()
+
+
+def _pack(seat: SeatOutcome) -> dict[str, Any]:
+    return {"faults": seat.faults, "latency_p50_s": seat.latency_p50_s, "latency_p99_s": seat.latency_p99_s}
+
+
+def _outcome(row: Any) -> Outcome:
+    return Outcome(
+        identity=row.identity,
+        blue=row.blue,
+        red=row.red,
+        ending=Termination[row.ending.upper()],
+        winner=None if row.winner is None else Team[row.winner.upper()],
+        score=row.score,
+        ticks=row.ticks,
+        reason=row.reason,
+        seats={Team[name.upper()]: SeatOutcome(**seat) for name, seat in json.loads(row.seats).items()},
+    )

@@ -1,0 +1,174 @@
+"""The venue `ray`: the tasks of `arena.local.venue` on a Ray cluster, where one machine is too small.
+
+Every machine of the cluster has this arena installed, and needs no more: files of fighters are sent with what is in them, and
+journals come back as bytes, to be written here. RAY_ADDRESS names the cluster; without it, one is started on this machine, for
+itself alone and as long as it is needed.
+"""
+
+import logging
+import os
+import signal
+import socket
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import ray
+from ray.exceptions import RayError, RayTaskError
+
+from arena.errors import ArenaError, InputError
+from arena.game.ruleset import Ruleset
+from arena.game.types import RULES_VERSION
+from arena.local.venue import BarePlan, BareRecord, MatchPlan, MatchRecord, dress, make_folder, play_bare, save, split, strip
+from policies.registry import load_entry
+from tournaments.venues.bundle import Parcel, pack
+
+TRIES = 4
+"""Times that a task is begun: machines come and go, but a fighter that ends its process would do so for ever."""
+_TASKS_PER_CORE = 2
+"""One runs, and one waits for the core; results that nobody has fetched yet fill the memory of the cluster."""
+_REACH_S = 5.0
+_LOOPBACK = "127.0.0.1"
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """Why a machine of the cluster cannot play a task: no machine could, or this one is not set up for it."""
+
+    sentence: str
+    is_input: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    plans: list[MatchPlan]
+    n_tries: int = 1
+
+
+def play(ruleset: Ruleset, plans: Sequence[MatchPlan], entries: Mapping[str, str], *, journals: Path) -> Iterator[MatchRecord]:
+    """Play matches on the cluster and yield each once its journal is written here, in no promised order.
+
+    Parameters
+    ----------
+    entries
+        The fighter, by name or file, behind each entry.
+
+    Raises
+    ------
+    InputError
+        A file of a fighter, or RAY_ADDRESS, is of no use, or a journal cannot be written.
+    ArenaError
+        The cluster cannot be reached, a task failed again and again, or a machine cannot play any.
+    """
+    if not plans:
+        return
+    make_folder(journals)
+    parcel = pack(entries)
+    by_identity = {plan.identity: plan for plan in plans}
+    with _cluster():
+        for played in _work(ruleset, split(plans, _n_cores()), parcel):
+            yield from save(dress(played, by_identity), journals)
+
+
+def _work(ruleset: Ruleset, tasks: list[list[MatchPlan]], parcel: Parcel) -> Iterator[list[BareRecord]]:
+    """Yield what each task returned; one that was lost with its machine or its process is begun anew.
+
+    Ray's own retries are off: they would never give up a task that takes more memory than there is.
+    """
+    remote = ray.remote(max_retries=0, num_cpus=1)(play_task)
+    rules, sent = ray.put(ruleset), ray.put(parcel)  # once for all tasks
+    waiting, running = deque(_Task(plans) for plans in tasks), dict[Any, _Task]()
+    while waiting or running:
+        while waiting and len(running) < _TASKS_PER_CORE * _n_cores():
+            task = waiting.popleft()
+            running[remote.remote(rules, strip(task.plans), sent, RULES_VERSION)] = task
+        [done], _ = ray.wait(list(running))
+        task = running.pop(done)
+        try:
+            played = ray.get(done)
+        except RayTaskError as error:
+            raise _failure(error) from error
+        except RayError as error:
+            waiting.append(_again(task, error))
+            continue
+        if isinstance(played, Refusal):
+            raise (InputError if played.is_input else ArenaError)(played.sentence)
+        yield played
+
+
+def play_task(ruleset: Ruleset, plans: list[BarePlan], parcel: Parcel, rules_version: int) -> list[BareRecord] | Refusal:
+    """Play a task on a machine of the cluster. Sentences come home as values: an error's class may be known only here."""
+    if rules_version != RULES_VERSION:
+        sentence = (
+            f"machine {socket.gethostname()} of the cluster has rules version {RULES_VERSION}, this one has {rules_version}"
+        )
+        return Refusal(sentence=f"{sentence}; install the same arena on both", is_input=False)
+    try:
+        return play_bare(ruleset, plans, partial(load_entry, parcel.unpack()), None)
+    except ArenaError as error:
+        return Refusal(sentence=f"machine {socket.gethostname()} of the cluster: {error}", is_input=isinstance(error, InputError))
+
+
+def _again(task: _Task, error: RayError) -> _Task:
+    blue, red, n = task.plans[0].blue, task.plans[0].red, len(task.plans)
+    why = " ".join(str(error).split()).partition(". ")[0]
+    if task.n_tries == TRIES:
+        raise ArenaError(
+            f"{n} matches of {blue} against {red} were begun {TRIES} times and never ended: a fighter ends its process or takes "
+            f"too much memory, or the cluster is failing; the last time: {why}"
+        ) from error
+    logger.warning("%d matches of %s against %s are begun again: %s", n, blue, red, why)
+    return _Task(task.plans, task.n_tries + 1)
+
+
+def _failure(error: RayTaskError) -> BaseException:
+    """Return what to raise for a task that raised: trying again would not help."""
+    if "ModuleNotFoundError" in str(error) and "failed to import" in str(error):  # all that Ray says of it is text
+        return ArenaError(f"a machine of the cluster lacks what tasks need: {str(error).strip().splitlines()[-1]}")
+    return error
+
+
+def _n_cores() -> int:
+    """Return how many there are by now; machines come and go."""
+    return max(int(ray.cluster_resources().get("CPU", 0)), 1)  # type: ignore[no-untyped-call]
+
+
+@contextmanager
+def _cluster() -> Iterator[None]:
+    """Be part of the cluster that RAY_ADDRESS names, or of one of our own."""
+    address = os.environ.get("RAY_ADDRESS", "")
+    own: dict[str, Any] = {"num_cpus": len(os.sched_getaffinity(0)), "include_dashboard": False, "_node_ip_address": _LOOPBACK}
+    _check(address)
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # who plays here is nobody else's business
+    handler = signal.getsignal(signal.SIGTERM)
+    try:
+        # What workers print stays in Ray's own logs, and so do the long reports of what was killed.
+        ray.init(address or "local", **({} if address else own), log_to_driver=False, logging_level=logging.ERROR)
+    except (OSError, RuntimeError, ValueError) as error:
+        why = " ".join(str(error).split()).partition(". ")[0]
+        raise ArenaError(f"cannot use the Ray cluster{f' at {address}' if address else ''}: {why}") from error
+    try:
+        if signal.getsignal(signal.SIGTERM) is not handler:  # Ray puts its own there, which would leave the league at once
+            signal.signal(signal.SIGTERM, handler)
+        yield
+    finally:
+        ray.shutdown()
+
+
+def _check(address: str) -> None:
+    """Say at once what Ray would say after a minute, in many lines."""
+    host, _, port = address.rpartition(":")
+    if address in ("", "auto", "local"):
+        return
+    if "//" in address or not host or not port.isdecimal():
+        way_out = "let this machine join the cluster (ray start --address HOST:PORT), and name HOST:PORT or auto"
+        raise InputError(f"RAY_ADDRESS is {address!r}; {way_out}")
+    try:
+        socket.create_connection((host, int(port)), _REACH_S).close()
+    except (OSError, OverflowError) as error:
+        raise ArenaError(f"no Ray cluster answers at RAY_ADDRESS {address}: {error}") from error
