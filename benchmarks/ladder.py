@@ -19,7 +19,7 @@ from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Termination
 from arena.local.venue import play
-from arena.match.match import TimeControl
+from arena.match.time_control import TimeControl
 from arena.network.address import Address
 from arena.network.session import free_port
 from arena.pit.ladder import Ladder, LadderMatch, Waiting

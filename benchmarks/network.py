@@ -23,8 +23,7 @@ from arena.game.keys import MatchKeys
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team
-from arena.local.venue import MatchPlan
-from arena.match.match import TimeControl
+from arena.match.time_control import TimeControl
 from arena.network.session import free_port, open_router
 from arena.pit.match_session import PitContext
 from arena.pit.referee import Played, Referee
@@ -32,6 +31,7 @@ from arena.pit.seating import PlannedSeating
 from arena.policy import BatchPolicy, Orders
 from arena.protocol.identity import Identity
 from arena.protocol.sealing import Opener, Sealer
+from arena.records.plan import MatchPlan
 from clients.runner import Runner
 from clients.settings import Settings
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
 from arena.game.types import Team, Termination
-from arena.local.venue import MatchPlan, MatchRecord
+from arena.local.venue import MatchRecord
 from arena.policy import Faults
+from arena.records.plan import MatchPlan
 
 _Z95 = 1.959964
 """Quantile of the normal distribution for a two-sided interval of 95%."""

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from arena.game.types import Team, Termination
-from arena.local.venue import MatchPlan
 from arena.policy import MatchResult
 from arena.records.journal import Header
+from arena.records.plan import MatchPlan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

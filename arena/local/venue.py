@@ -24,6 +24,7 @@ from arena.game.types import Team, Termination
 from arena.local.workers import work
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.records.journal import Header, Mark, save_journal, write_ending, write_start
+from arena.records.plan import MatchPlan
 from arena.records.replay import match_result
 
 ROWS = 512
@@ -42,17 +43,6 @@ _BareFaults = tuple[int, int, str | None]
 BareRecord = tuple[str, tuple[int, int, int, int], tuple[_BareFaults, _BareFaults], tuple[int, int], bytes | None]
 """A record as it comes back."""
 _TEAMS = {int(Team.BLUE): Team.BLUE, int(Team.RED): Team.RED, -1: None}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MatchPlan:
-    """A match to be played."""
-
-    identity: str
-    blue: str
-    """What `Load` makes blue's fighter from, and its name in the journal."""
-    red: str
-    keys: MatchKeys
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,6 +15,7 @@ from arena.game.engine import BatchedGame
 from arena.game.state import StateField
 from arena.game.types import Action, Team, Termination
 from arena.match.effects import Ask, End, Event, Publish, Write
+from arena.match.time_control import TimeControl
 from arena.policy import MatchResult
 from arena.protocol.observation_codec import Writer
 from arena.records.journal import CHAIN_BYTES, Header, Journal, Mark, write_ending, write_start, write_tick
@@ -25,20 +26,6 @@ _EFFECT = bytes(byte if byte < len(Action) else Action.STAY for byte in range(25
 """What each byte of an answer does to a unit: one that is no action leaves it where it is."""
 WIN = 100
 """Score of a match that was forfeited, from the winner's side."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TimeControl:
-    """What a referee demands of a seat, in seconds."""
-
-    turn_time_s: float | None = 1.0
-    """For each turn; None runs no clock."""
-    bank_s: float = 10.0
-    """Extra time of a seat, for the whole match."""
-    grace_s: float = 10.0
-    """How long a seat may be away in the whole match, and how long it may take to get ready."""
-    most_missed: int = 10
-    """Turns missed in a row that forfeit the match."""
 
 
 class Phase(Enum):

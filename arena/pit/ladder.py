@@ -14,11 +14,11 @@ from typing import Any, Protocol
 
 from arena.errors import JournalError
 from arena.game.types import Team
-from arena.local.venue import MatchPlan
 from arena.pit.seating import Pairing, SeatId, Seating
 from arena.policy import MatchResult
 from arena.protocol.messages import Closed, JoinRequest, Refusal, Wait
 from arena.records.journal import journal_name, load_journal
+from arena.records.plan import MatchPlan
 from arena.records.replay import BrokenChainError, verify
 
 logger = logging.getLogger(__name__)

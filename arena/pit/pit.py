@@ -13,8 +13,7 @@ from arena.game.engine import warm
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
-from arena.local.venue import MatchPlan
-from arena.match.match import TimeControl
+from arena.match.time_control import TimeControl
 from arena.network.access import Certificate
 from arena.network.address import Address
 from arena.network.session import open_router
@@ -24,6 +23,7 @@ from arena.pit.referee import Played, Referee
 from arena.pit.register import Register
 from arena.pit.seating import OpenSeating, Seating
 from arena.protocol.identity import Identity
+from arena.records.plan import MatchPlan
 
 _DRAIN_S = 8.0
 """How long running matches may go on after the pit was told to stop; what is left then can be resumed."""

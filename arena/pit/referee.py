@@ -18,7 +18,8 @@ from arena.errors import ForgedError, UnreadableError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
 from arena.match.effects import Ask, End, Event, Publish, Write
-from arena.match.match import Match, SeatRecord, TimeControl
+from arena.match.match import Match, SeatRecord
+from arena.match.time_control import TimeControl
 from arena.network.session import Question, Sample, read_key, read_payload
 from arena.pit.admission import MOST_GUESTS, Admission
 from arena.pit.archive import MOST_KEPT, Archive

@@ -8,7 +8,8 @@ from pathlib import Path
 from arena.errors import JournalError
 from arena.game.types import Team
 from arena.match.effects import Event
-from arena.match.match import Match, TimeControl
+from arena.match.match import Match
+from arena.match.time_control import TimeControl
 from arena.records.journal import read_journal, whole_part
 
 logger = logging.getLogger(__name__)

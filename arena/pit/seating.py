@@ -6,9 +6,9 @@ from typing import Any, NamedTuple, Protocol
 
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION, Team
-from arena.local.venue import MatchPlan
 from arena.protocol import topics
 from arena.protocol.messages import Closed, JoinRequest, Message, Refusal, Wait
+from arena.records.plan import MatchPlan
 
 
 class SeatId(NamedTuple):

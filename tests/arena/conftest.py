@@ -8,8 +8,9 @@ import pytest
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, load
-from arena.local.venue import MatchPlan, MatchRecord, play_batch
+from arena.local.venue import MatchRecord, play_batch
 from arena.policy import BatchFactory, BatchPolicy, Orders
+from arena.records.plan import MatchPlan
 
 SMALL_BOARD = """
 F..u

@@ -14,7 +14,8 @@ from arena.game.observation import Observations
 from arena.game.ruleset import load, to_dict
 from arena.game.types import Action, Team
 from arena.match.effects import Ask, End, Event, Write
-from arena.match.match import Match, Phase, TimeControl
+from arena.match.match import Match, Phase
+from arena.match.time_control import TimeControl
 from arena.pit import archive
 from arena.pit.archive import Archive
 from arena.policy import BatchPolicy

@@ -17,13 +17,15 @@ from arena.game.keys import MatchKeys
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, load, to_dict
 from arena.game.types import Team, Termination
-from arena.local.venue import MatchPlan, play_batch
+from arena.local.venue import play_batch
 from arena.match.effects import Ask, End, Event, Write
-from arena.match.match import Match, Phase, TimeControl
+from arena.match.match import Match, Phase
+from arena.match.time_control import TimeControl
 from arena.policy import BatchPolicy, MatchResult
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn, Wait
 from arena.records.journal import Header, read_journal
+from arena.records.plan import MatchPlan
 from arena.records.replay import verify
 from clients.seat import Seat, read_ticket
 from policies import registry

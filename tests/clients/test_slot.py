@@ -13,7 +13,8 @@ from arena.game.observation import Observations
 from arena.game.ruleset import load, to_dict
 from arena.game.types import RULES_VERSION, Team
 from arena.match.effects import Ask
-from arena.match.match import Match, TimeControl
+from arena.match.match import Match
+from arena.match.time_control import TimeControl
 from arena.pit.authenticator import Authenticator
 from arena.policy import BatchPolicy
 from arena.protocol.codec import decode, encode

@@ -17,7 +17,8 @@ from arena.game.ruleset import load, to_dict
 from arena.game.state import StateField
 from arena.game.types import Action, Code, Team
 from arena.match.effects import End, Event, Publish, Write
-from arena.match.match import Match, Phase, TimeControl
+from arena.match.match import Match, Phase
+from arena.match.time_control import TimeControl
 from arena.network.address import Address
 from arena.pit.match_session import MatchSession, PitContext
 from arena.protocol import topics

@@ -8,7 +8,8 @@ import pytest
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
-from arena.local.venue import MatchPlan, play_batch
+from arena.local.venue import play_batch
+from arena.records.plan import MatchPlan
 from policies import registry
 
 Z = 4.0

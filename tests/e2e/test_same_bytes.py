@@ -11,14 +11,15 @@ import pytest
 from arena.errors import LostPitError
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
 from arena.game.ruleset import load
-from arena.local.venue import MatchPlan, play
-from arena.match.match import TimeControl
+from arena.local.venue import play
+from arena.match.time_control import TimeControl
 from arena.network.session import open_router
 from arena.pit.match_session import PitContext
 from arena.pit.referee import Played, Referee
 from arena.pit.seating import PlannedSeating
 from arena.protocol.identity import Identity
 from arena.records.journal import journal_name, load_journal, read_journal
+from arena.records.plan import MatchPlan
 from clients.runner import Runner
 from clients.settings import Settings
 from policies import registry

@@ -22,8 +22,7 @@ from arena.game.ruleset import load
 from arena.game.state import StateField
 from arena.game.types import Team
 from arena.keyring.files import load_secret
-from arena.local.venue import MatchPlan
-from arena.match.match import TimeControl
+from arena.match.time_control import TimeControl
 from arena.network.session import free_port, open_router
 from arena.pit.match_session import PitContext
 from arena.pit.referee import Played, Referee
@@ -50,6 +49,7 @@ from arena.protocol.observation_codec import timeless
 from arena.protocol.sealing import Direction, Opener, derive_key, seat_context, truth_opener
 from arena.protocol.signed import commit, read_statement, sign_receipt
 from arena.records.journal import Journal, load_journal, match_id, read_journal
+from arena.records.plan import MatchPlan
 from arena.records.replay import replay
 from arena.records.transcript import Head
 from arena.records.verification import watch

@@ -27,7 +27,7 @@ from arena.errors import ForgedError, ProtocolError
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
 from arena.game.ruleset import load, parse_overrides
 from arena.game.types import RULES_VERSION, Team
-from arena.local.venue import MatchPlan, play_batch
+from arena.local.venue import play_batch
 from arena.pit.admission import MOST_RUNNING
 from arena.pit.authenticator import Authenticator
 from arena.protocol import topics
@@ -38,6 +38,7 @@ from arena.protocol.messages import Challenge, Ended, Hello, JoinRequest, Knock,
 from arena.protocol.sealing import Direction, Opener, Sealer, seat_context
 from arena.protocol.signed import read_statement
 from arena.records.journal import Journal, load_journal, read_journal, whole_part
+from arena.records.plan import MatchPlan
 from arena.records.replay import verify
 from policies import registry
 

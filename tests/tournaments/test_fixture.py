@@ -12,8 +12,9 @@ from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys, seat_keys, secret_from_seed, unit_keys
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team, Termination
-from arena.local.venue import MatchPlan, MatchRecord
+from arena.local.venue import MatchRecord
 from arena.policy import Faults, MatchResult
+from arena.records.plan import MatchPlan
 from tournaments.fixture import Tally, plan_fixture, tally
 
 SECRET = secret_from_seed(7)

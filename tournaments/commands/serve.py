@@ -60,7 +60,7 @@ def serve(
     from arena.game.keys import new_secret, secret_from_seed
     from arena.game.ruleset import load, parse_overrides
     from arena.keyring.files import load_or_make, load_or_make_secret
-    from arena.match.match import TimeControl
+    from arena.match.time_control import TimeControl
     from arena.network.access import Certificate
     from arena.network.address import Address
     from arena.pit.pit import Pit, PitSettings

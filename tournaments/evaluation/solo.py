@@ -13,7 +13,8 @@ from arena.game.keys import secret_from_seed
 from arena.game.ruleset import Ruleset
 from arena.game.state import StateField
 from arena.game.types import Team, Termination
-from arena.local.venue import MatchPlan, play
+from arena.local.venue import play
+from arena.records.plan import MatchPlan
 from policies.registry import load_entry
 from policies.tactics.paths import flood
 from tournaments.evaluation.evaluate import CANDIDATE

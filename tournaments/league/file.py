@@ -15,7 +15,7 @@ from arena.errors import InputError, UnknownNameError
 from arena.game.keys import KEY_BYTES
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
-from arena.match.match import TimeControl
+from arena.match.time_control import TimeControl
 from arena.protocol.topics import is_chunk
 from policies.program import PREFIX as PROGRAM
 from policies.registry import names

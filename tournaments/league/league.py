@@ -7,7 +7,7 @@ from typing import Any
 
 from arena.errors import InputError
 from arena.game.ruleset import Ruleset
-from arena.match.match import TimeControl
+from arena.match.time_control import TimeControl
 from tournaments.league.entries import fingerprint_of, public_key_of
 from tournaments.league.limits import NO_LIMITS, Limits
 from tournaments.ratings.sprt import Sprt

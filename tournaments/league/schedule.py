@@ -2,7 +2,7 @@
 
 from itertools import combinations
 
-from arena.local.venue import MatchPlan
+from arena.records.plan import MatchPlan
 from tournaments.fixture import plan_fixture
 from tournaments.league.league import League
 

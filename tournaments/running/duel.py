@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from itertools import takewhile
 from typing import Any
 
-from arena.local.venue import MatchPlan
+from arena.records.plan import MatchPlan
 from tournaments.fixture import pair_number
 from tournaments.outcome import Outcome
 from tournaments.ratings.sprt import Sprt, Verdict, pair_scores

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from arena.errors import ArenaError
 from arena.game.types import Termination
-from arena.local.venue import MatchPlan
+from arena.records.plan import MatchPlan
 from tournaments.league.edits import find_edit
 from tournaments.league.league import League
 from tournaments.league.schedule import plan_league

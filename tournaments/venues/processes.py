@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING
 from arena.errors import ArenaError, InputError
 from arena.game.engine import warm
 from arena.keyring.files import load_or_make
-from arena.local.venue import MatchPlan
 from arena.local.workers import follow_parent
 from arena.match.match import SeatRecord
 from arena.network.address import Address
@@ -28,6 +27,7 @@ from arena.pit.match_session import PitContext
 from arena.pit.referee import Played, Referee
 from arena.pit.register import Register
 from arena.pit.seating import PlannedSeating
+from arena.records.plan import MatchPlan
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.venues.sandbox import Confined
 

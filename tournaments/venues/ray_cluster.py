@@ -23,7 +23,8 @@ from ray.exceptions import RayError, RayTaskError
 from arena.errors import ArenaError, InputError
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION
-from arena.local.venue import BarePlan, BareRecord, MatchPlan, MatchRecord, dress, make_folder, play_bare, save, split, strip
+from arena.local.venue import BarePlan, BareRecord, MatchRecord, dress, make_folder, play_bare, save, split, strip
+from arena.records.plan import MatchPlan
 from policies.registry import load_entry
 from tournaments.venues.bundle import Parcel, pack
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from arena.errors import ArenaError, InputError, JournalError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
-from arena.local.venue import MatchPlan
 from arena.records.framing import CutShortError
 from arena.records.journal import Header, Journal, Mark, journal_name, read_journal, whole_part
+from arena.records.plan import MatchPlan
 from arena.records.replay import verify
 from tournaments.outcome import Outcome, SeatOutcome
 

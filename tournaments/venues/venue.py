@@ -15,11 +15,12 @@ from arena.errors import InputError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.keyring.files import load_or_make
-from arena.local.venue import MatchPlan, MatchRecord
+from arena.local.venue import MatchRecord
 from arena.local.venue import play as play_matches
-from arena.match.match import TimeControl
+from arena.match.time_control import TimeControl
 from arena.network.address import Address
 from arena.network.session import free_port
+from arena.records.plan import MatchPlan
 from policies.registry import load_entry
 from tournaments.league.limits import NO_LIMITS, Limits
 from tournaments.outcome import Outcome, SeatOutcome

@@ -13,10 +13,11 @@ from arena.display.image import Scene, draw, read_scenes
 from arena.game.observation import Observation
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Code, Team
-from arena.local.venue import MatchPlan, MatchRecord, play_batch
+from arena.local.venue import MatchRecord, play_batch
 from arena.policy import BatchFactory
 from arena.protocol.observation_codec import Writer
 from arena.records.journal import Journal, read_journal
+from arena.records.plan import MatchPlan
 from arena.records.replay import replay
 from arena.records.transcript import TranscriptHeader, TranscriptWriter
 from policies import registry

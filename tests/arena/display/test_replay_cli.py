@@ -15,9 +15,10 @@ import pytest
 from arena.display.text import draw_board
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team
-from arena.local.venue import MatchPlan, MatchRecord, play_batch
+from arena.local.venue import MatchRecord, play_batch
 from arena.policy import BatchFactory
 from arena.records.journal import Journal, read_journal, save_journal
+from arena.records.plan import MatchPlan
 from arena.records.replay import replay
 from policies import registry
 

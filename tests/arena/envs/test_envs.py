@@ -21,9 +21,10 @@ from arena.errors import ArenaError, UnknownNameError
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load
 from arena.game.types import Action, Team
-from arena.local.venue import MatchPlan, play
+from arena.local.venue import play
 from arena.protocol.observation_codec import Writer, timeless
 from arena.records.journal import Journal, read_journal
+from arena.records.plan import MatchPlan
 from arena.records.verification import watch
 from policies.environments import make_single, make_vector
 from policies.registry import load as load_fighter

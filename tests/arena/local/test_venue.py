@@ -15,9 +15,10 @@ from arena.errors import ArenaError, InputError
 from arena.game.observation import Observation
 from arena.game.ruleset import RULESETS, Ruleset, load
 from arena.game.types import Team, Termination
-from arena.local.venue import MATCHES_PER_TASK, MatchPlan, MatchRecord, play, play_batch, split
+from arena.local.venue import MATCHES_PER_TASK, MatchRecord, play, play_batch, split
 from arena.policy import BatchFactory, MatchInfo, MatchResult
 from arena.records.journal import Mark, journal_name, load_journal, read_journal
+from arena.records.plan import MatchPlan
 from arena.records.replay import verify
 from policies import registry
 from policies.each_seat import EachSeatFactory

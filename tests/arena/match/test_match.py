@@ -13,7 +13,8 @@ from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team, Termination
 from arena.match.effects import Ask, End, Event, Publish, Write
-from arena.match.match import WIN, Match, Phase, TimeControl
+from arena.match.match import WIN, Match, Phase
+from arena.match.time_control import TimeControl
 from arena.protocol.observation_codec import unpack
 from arena.records.journal import Header, Journal, Mark, read_journal, whole_part
 from arena.records.replay import verify

@@ -12,8 +12,8 @@ import pytest
 from arena.errors import ForgedError
 from arena.game.ruleset import load
 from arena.game.types import RULES_VERSION, Team
-from arena.local.venue import MatchPlan
-from arena.match.match import Match, TimeControl
+from arena.match.match import Match
+from arena.match.time_control import TimeControl
 from arena.pit import admission as module
 from arena.pit.admission import FORGET_WAITING_S, HOLD_QUESTION_S, PATIENCE_S, Admission
 from arena.pit.authenticator import Authenticator
@@ -41,6 +41,7 @@ from arena.protocol.messages import (
     Wait,
 )
 from arena.records.journal import Header, match_id
+from arena.records.plan import MatchPlan
 
 RULES = load("paper").with_({"side": 10})
 PIT = Identity.make()

@@ -11,8 +11,8 @@ import pytest
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load
 from arena.game.types import RULES_VERSION, Team, Termination
-from arena.local.venue import MatchPlan
-from arena.match.match import Match, TimeControl
+from arena.match.match import Match
+from arena.match.time_control import TimeControl
 from arena.network.address import Address
 from arena.pit.admission import MOST_RUNNING, Admission, Floor, QueuedClient
 from arena.pit.authenticator import Authenticator
@@ -29,6 +29,7 @@ from arena.protocol.identity import Identity
 from arena.protocol.messages import Closed, JoinRequest, Lobby, Refusal, Wait
 from arena.records.framing import rules_values
 from arena.records.journal import Header, journal_name, match_id, write_ending, write_seats
+from arena.records.plan import MatchPlan
 
 KEYS = MatchKeys(map_key=bytes(32), match_key=bytes(32))
 RULES = load("paper").with_({"side": 10})

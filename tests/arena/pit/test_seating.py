@@ -4,9 +4,9 @@ import pytest
 
 from arena.game.keys import MatchKeys
 from arena.game.types import RULES_VERSION, Team
-from arena.local.venue import MatchPlan
 from arena.pit.seating import OpenSeating, Pairing, PlannedSeating, SeatId
 from arena.protocol.messages import Closed, JoinRequest, Refusal, Wait
+from arena.records.plan import MatchPlan
 
 KEYS = MatchKeys(map_key=bytes(32), match_key=bytes(32))
 

@@ -10,9 +10,10 @@ from arena.game.keys import MatchKeys
 from arena.game.ruleset import RULESETS, Ruleset, load
 from arena.game.state import StateField
 from arena.game.types import Team, Termination
-from arena.local.venue import MatchPlan, MatchRecord, play_batch
+from arena.local.venue import MatchRecord, play_batch
 from arena.policy import BatchFactory, MatchResult
 from arena.records.journal import read_journal, write_ending
+from arena.records.plan import MatchPlan
 from arena.records.replay import BrokenChainError, match_result, replay, verify
 from policies import registry
 

@@ -10,7 +10,8 @@ from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Action, Team, Termination
 from arena.match.effects import Ask, Event, Write
-from arena.match.match import Match, Phase, TimeControl
+from arena.match.match import Match, Phase
+from arena.match.time_control import TimeControl
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Receipt
 from arena.protocol.signed import commit, sign_journal, sign_receipt, sign_statement

@@ -10,7 +10,8 @@ from arena.game.keys import MatchKeys
 from arena.game.ruleset import load, to_dict
 from arena.game.types import Action, Team, Termination
 from arena.match.effects import Ask
-from arena.match.match import Match, TimeControl
+from arena.match.match import Match
+from arena.match.time_control import TimeControl
 from arena.policy import MatchResult
 from arena.protocol.messages import Ended, History, Orders, Ticket, Turn
 from arena.records.journal import Header

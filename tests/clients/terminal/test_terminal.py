@@ -15,7 +15,8 @@ from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset, load, to_dict
 from arena.game.types import Action, Code, Team
 from arena.match.effects import Ask, End
-from arena.match.match import Match, TimeControl
+from arena.match.match import Match
+from arena.match.time_control import TimeControl
 from arena.protocol.messages import Ended, Ticket, Turn
 from arena.records.journal import Header
 from clients.human.turn_mailbox import Desk

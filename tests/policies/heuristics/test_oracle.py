@@ -13,8 +13,9 @@ from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_
 from arena.game.observation import Observations
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Code, Team
-from arena.local.venue import MatchPlan, play_batch
+from arena.local.venue import play_batch
 from arena.policy import BatchPolicy, Orders
+from arena.records.plan import MatchPlan
 from policies import registry
 
 Run = Callable[..., subprocess.CompletedProcess[str]]

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from arena.game.types import Team, Termination
-from arena.local.venue import MatchPlan
+from arena.records.plan import MatchPlan
 from tournaments.league.file import parse_league
 from tournaments.league.league import League
 from tournaments.league.schedule import plan_league

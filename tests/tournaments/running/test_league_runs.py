@@ -16,7 +16,7 @@ from sqlalchemy import text
 
 from arena.errors import ArenaError, UnknownNameError
 from arena.game.types import Team, Termination
-from arena.local.venue import MatchPlan
+from arena.records.plan import MatchPlan
 from tournaments.league.file import parse_league
 from tournaments.league.league import League
 from tournaments.outcome import Outcome, SeatOutcome

@@ -20,8 +20,8 @@ from arena.errors import ArenaError
 from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load
 from arena.game.types import Team, Termination
-from arena.local.venue import MatchPlan
-from arena.match.match import TimeControl
+from arena.match.time_control import TimeControl
+from arena.records.plan import MatchPlan
 from tournaments.fixture import plan_fixture
 from tournaments.outcome import Outcome
 from tournaments.venues.processes import MOST_DEATHS

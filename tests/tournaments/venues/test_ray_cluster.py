@@ -22,7 +22,8 @@ from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load as load_rules
 from arena.game.types import RULES_VERSION
 from arena.jit import cache_root
-from arena.local.venue import MatchPlan, strip
+from arena.local.venue import strip
+from arena.records.plan import MatchPlan
 from tournaments.fixture import plan_fixture
 from tournaments.outcome import Outcome
 from tournaments.venues.bundle import pack

@@ -10,12 +10,14 @@ import pytest
 from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load
 from arena.game.types import Team, Termination
-from arena.local.venue import MatchPlan, play_batch
+from arena.local.venue import play_batch
 from arena.match.effects import End, Event, Write
-from arena.match.match import Match, TimeControl
+from arena.match.match import Match
+from arena.match.time_control import TimeControl
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Receipt
 from arena.records.journal import Header, Mark, journal_name, read_journal, write_receipt, write_seats, write_signature
+from arena.records.plan import MatchPlan
 from policies.registry import load as load_policy
 from tournaments.fixture import plan_fixture
 from tournaments.league.file import load_league

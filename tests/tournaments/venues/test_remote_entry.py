@@ -15,7 +15,7 @@ import pytest
 
 from arena.game.ruleset import load
 from arena.keyring.files import make
-from arena.match.match import TimeControl
+from arena.match.time_control import TimeControl
 from tournaments.venues.venue import Setting, address_of, invitations, near
 
 ARENA = [sys.executable, "-c", "from tournaments.cli import main; main()"]
