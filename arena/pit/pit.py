@@ -1,12 +1,13 @@
 """A pit that is open: a router, a referee, and whoever comes."""
 
-import fcntl
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from arena.errors import InputError
 from arena.game.engine import warm
@@ -164,9 +165,9 @@ def _next_number(journals: Path, prefix: str, counted: Collection[str]) -> int:
 def _alone_in(folder: Path) -> Iterator[None]:
     """Keep other pits off a folder of journals: two would resume the same matches."""
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / ".lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(f"another pit keeps its journals in {folder}; choose another folder with --data") from None
+    try:
+        lock = FileLock(folder / ".lock", blocking=False).acquire()
+    except Timeout:
+        raise InputError(f"another pit keeps its journals in {folder}; choose another folder with --data") from None
+    with lock:
         yield
