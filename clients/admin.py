@@ -4,12 +4,13 @@ from pathlib import Path
 
 from arena.errors import KeyFileError, RefusedError
 from arena.network.address import Address
+from arena.network.asking import ask
 from arena.network.session import open_client
 from arena.protocol import topics
 from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity, to_text
 from arena.protocol.messages import AdminRequest, Done, Refusal
-from clients.lobby import ask, ask_challenge
+from clients.lobby import ask_challenge
 
 
 def command(address: Address, authority: Path | None, identity: Identity, name: str, target: str) -> str:

@@ -21,8 +21,7 @@ from arena.network.address import Address
 from arena.network.session import Sample, Session, open_client, read_key, read_payload
 from arena.protocol import topics
 from arena.protocol.messages import Lobby
-from clients.audit import fetch_journal
-from clients.lobby import ask_challenge, ask_lobby
+from clients.lobby import ask_challenge, ask_journal, ask_lobby
 from clients.seat import read_rules
 from clients.spectator import MOST_WAITING, Frame, Spectator
 
@@ -155,20 +154,7 @@ class PitClient:
         """Return the journal of a match that is over; `ArenaError` says why it cannot be had."""
         if self._session is None:
             raise LostPitError(self.trouble)
-        loop = asyncio.get_running_loop()
-        answer: asyncio.Future[bytes] = loop.create_future()
-
-        def fail(sentence: str) -> None:
-            answer.set_exception(ArenaError(sentence))
-
-        def defer(handle: Callable[[bytes], None]) -> Callable[[bytes], None]:
-            def on_answer(payload: bytes) -> None:
-                loop.call_soon_threadsafe(handle, payload)
-
-            return on_answer
-
-        fetch_journal(self._session, self.address.pit, match, defer, on_whole=answer.set_result, on_none=fail)
-        return await answer
+        return await asyncio.to_thread(ask_journal, self._session, self.address, match)
 
     def _enqueue(self, is_truth: bool, sample: Sample) -> None:
         with suppress(queue.Full, RuntimeError):  # the next tick tells all anew; or the server has ended

@@ -6,7 +6,8 @@ import pytest
 
 from arena.errors import LostPitError
 from arena.network.session import free_port, open_router
-from clients.runner import MOST_UNANSWERED, TICK_S, Runner
+from clients.core import MOST_UNANSWERED
+from clients.runner import TICK_S, Runner
 from clients.settings import Settings
 from policies.registry import load
 
