@@ -112,10 +112,14 @@ def _sit_at_desk(autopilot: str, slots: int) -> "Desk":
     """Return the desk of the person at this terminal, if there is one."""
     import os
     import sys
+    from importlib import import_module
 
+    from arena.extras import needs
     from clients.human.turn_mailbox import Desk
     from policies.registry import load
 
+    with needs("tui", "--policy human"):
+        import_module("textual")
     if not (sys.stdin.isatty() and sys.stdout.isatty()) or os.environ.get("TERM") == "dumb":
         raise InputError("--policy human wants a terminal to draw on and to type in; `arena web` has a page for playing")
     if slots != 1:

@@ -37,9 +37,8 @@ def web(
     import sys
     import threading
 
-    import uvicorn
-
     from arena.display.replay_frames import warm
+    from arena.extras import needs
     from arena.folders import data_folder
     from arena.keyring.files import load_or_make, load_secret
     from arena.keyring.ring import entry_key_path
@@ -52,8 +51,13 @@ def web(
     from clients.web.guard import LOOPBACK
     from clients.web.pit import PitClient
     from clients.web.play import Players
-    from clients.web.server import WebSettings, listen, make_app
     from tournaments.reports.web_leagues import Leagues
+
+    with needs("web", "arena web"):
+        import uvicorn
+        from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+        from clients.web.server import WebSettings, listen, make_app
 
     names = [*LOOPBACK, *(name or ())]
     if host in ("0.0.0.0", "::"):
@@ -93,7 +97,7 @@ def web(
         warm()
         typer.echo(f"web page at http://{shown}:{listening.getsockname()[1]}/{fragment}")
         config = uvicorn.Config(
-            make_app(settings), log_level="warning", ws="websockets-sansio", timeout_graceful_shutdown=_GOODBYE_S
+            make_app(settings), log_level="warning", ws=WebSocketsSansIOProtocol, timeout_graceful_shutdown=_GOODBYE_S
         )
         server = uvicorn.Server(config)
         if ends_with_stdin:
