@@ -25,7 +25,7 @@ from clients import events
 from clients.audit import JournalDownload, audit
 from clients.seat import Seat
 from clients.seat_session import SeatSession, read_commitment
-from clients.settings import Settings
+from clients.settings import ClientSettings
 
 logger = logging.getLogger(__name__)
 
@@ -83,7 +83,7 @@ class ClientCore:
         Unique to this process, by which the pit tells it from others of its name.
     """
 
-    def __init__(self, settings: Settings, client: str, make_seat: MakeSeat) -> None:
+    def __init__(self, settings: ClientSettings, client: str, make_seat: MakeSeat) -> None:
         self._settings, self._client, self._make_seat = settings, client, make_seat
         self._slots = [_Slot(number) for number in range(settings.n_slots)]
         self._n_left = settings.n_slots

@@ -20,9 +20,9 @@ from arena.protocol.messages import Ticket
 from arena.records.transcript import TranscriptHeader, TranscriptWriter, transcript_name
 from clients import events
 from clients.core import ClientCore
-from clients.precompile import warm
+from clients.precompile import precompile
 from clients.seat import Seat
-from clients.settings import Settings
+from clients.settings import ClientSettings
 
 MOST_WAITING = 2_000
 """Messages in the queue."""
@@ -48,7 +48,7 @@ class Runner:
 
     def __init__(
         self,
-        settings: Settings,
+        settings: ClientSettings,
         *,
         on_seat: Callable[[Seat], None],
         on_end: Callable[[Seat], None],
@@ -82,7 +82,7 @@ class Runner:
             The pit does not let this client play.
         """
         settings, core = self._settings, self._core
-        warm(settings.make)
+        precompile(settings.make)
         while not (self._is_stopping or core.is_done):
             failure = LostPitError(f"no pit called {settings.pit} answers at {settings.endpoint}")
             try:
