@@ -1,6 +1,6 @@
-"""One seat of one match as its client sees it, without I/O: messages of the referee go in, messages to it come out.
+"""One seat of one match as its client sees it, without I/O: the referee's messages go in, the answers come out.
 
-The policy is asked once for each tick, whatever is sent twice, lost, or told again after a restart of either side.
+The policy is asked once for each tick, whatever is sent twice, lost, or sent again after a restart of either side.
 """
 
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ _SEAT = np.zeros(1, np.intp)
 
 
 def read_ticket(ticket: Ticket) -> tuple[Ruleset, Team]:
-    """Return what a seat plays, and for whom.
+    """Return the ruleset and the team of a ticket.
 
     Raises
     ------
@@ -42,11 +42,11 @@ def read_rules(values: Mapping[str, Any]) -> Ruleset:
 
 
 class Thinking(Exception):
-    """A policy, such as a person, needs longer: nothing was answered, and the same message is to be given again later."""
+    """A policy, such as a person, needs longer: nothing has changed, and the same message is to be received again later."""
 
 
 class Seat:
-    """A policy at work in one seat."""
+    """A policy that plays one seat."""
 
     def __init__(self, ticket: Ticket, commitment: bytes, make: BatchFactory) -> None:
         self.ticket, self.commitment = ticket, commitment
@@ -59,26 +59,26 @@ class Seat:
         self._policy.start(_SEAT)
         self._orders = np.zeros((1, len(self.ruleset.team(self.team))), np.int8)
         self._answers: list[bytes] = []
-        """What the policy said to each observation, to be said again."""
+        """The policy's answer to each observation, for a resend."""
         self._head = Head()
         self._transcript: TranscriptWriter | None = None
 
     @property
     def head(self) -> bytes:
-        """What stands for all that this seat was shown."""
+        """The hash chain over all that this seat was shown."""
         return self._head.digest
 
     @property
     def answers(self) -> list[bytes]:
-        """What was answered to each tick so far, a byte per unit."""
+        """The answer to each tick so far, a byte per unit."""
         return self._answers
 
     def keep(self, transcript: TranscriptWriter) -> None:
-        """Write down what this seat is shown."""
+        """Write what this seat is shown to a transcript."""
         self._transcript = transcript
 
     def ready(self) -> Ready:
-        """Return what tells the referee that this seat listens, at first or again."""
+        """Return the message that this seat is subscribed, for the first time or again."""
         return Ready(known_ticks=self.known_ticks)
 
     def receive(self, message: Message) -> Message | None:
@@ -116,7 +116,7 @@ class Seat:
             raise UnreadableError(f"no match ends like this: {error}") from error
 
     def faults(self) -> Faults:
-        """Return what the policy did wrong since the last call."""
+        """Return the policy's faults since the last call."""
         return self._policy.take_faults(0)
 
     def _answer(self, turn: Turn) -> Message | None:
@@ -129,7 +129,7 @@ class Seat:
         return Orders(tick=turn.tick, actions=self._answers[turn.tick])
 
     def _catch_up(self, history: History) -> None:
-        """Show the policy what it missed; what it would have done then is of no use any more."""
+        """Show the policy what it missed; its actions then are of no use any more."""
         if not 0 <= history.first_tick <= self.known_ticks:
             return
         known = self.known_ticks - history.first_tick

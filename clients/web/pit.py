@@ -174,7 +174,7 @@ class PitClient:
     def _hear_truth(self, match: str, payload: bytes) -> None:
         for watch in [one for one in self._watches if one.match == match and one.key and one.spectator]:
             try:
-                frame = watch.spectator.hear_truth(payload) if watch.spectator else None
+                frame = watch.spectator.read_truth(payload) if watch.spectator else None
             except ProtocolError:
                 if not watch.has_opened and not watch.is_warned:
                     watch.is_warned = True
@@ -187,7 +187,7 @@ class PitClient:
     def _hear_public(self, match: str, payload: bytes) -> None:
         if self._ruleset is None:
             return
-        frame = Spectator(self.address.pit, match, self._ruleset, self._pit_key, None).hear_public(payload)
+        frame = Spectator(self.address.pit, match, self._ruleset, self._pit_key, None).read_public(payload)
         if frame is None:
             return
         if frame.ended is not None and all(one["match"] != match for one in self.results):

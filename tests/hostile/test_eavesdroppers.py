@@ -55,7 +55,7 @@ from arena.records.replay import replay
 from arena.records.transcript import Head
 from arena.records.verification import watch
 from clients.runner import Runner
-from clients.settings import Settings
+from clients.settings import ClientSettings
 from policies import registry
 
 PATIENCE_S = 60.0
@@ -157,7 +157,7 @@ def gather(ear: Ear, folder: Path) -> list[Overheard]:
 
 def client(endpoint: str, policy: str, team: str, n_matches: int | None) -> Runner:
     """Return what plays as `arena join` does, and checks the journals."""
-    settings = Settings(
+    settings = ClientSettings(
         endpoint=endpoint,
         pit="pit",
         name=policy,
