@@ -1,6 +1,5 @@
-"""What a spectator makes of the messages of a real table, and what it does not believe."""
+"""What a spectator makes of the messages of a real match, and what it does not believe."""
 
-import os
 import random
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -16,10 +15,11 @@ from arena.game.keys import MatchKeys
 from arena.game.ruleset import load, to_dict
 from arena.game.state import StateField
 from arena.game.types import Action, Code, Team
-from arena.match.effects import End, Event, Publish, Write
+from arena.match.effects import Effect as MatchEffect
 from arena.match.match import Match, Phase
 from arena.match.time_control import TimeControl
 from arena.network.address import Address
+from arena.pit.effects import Append, PublishEnding, PublishTick
 from arena.pit.match_session import MatchSession, PitContext
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
@@ -39,30 +39,17 @@ PIT, STRANGER = Identity.make(), Identity.make()
 KEY, SALT = b"k" * 32, b"s" * 32
 
 
-class Audience:
-    """A session on which everybody listens."""
-
-    def __init__(self) -> None:
-        self.said: dict[str, list[bytes]] = {}
-
-    def publisher(self, key: str) -> tuple[Callable[[bytes], None], Callable[[], None]]:
-        return (lambda data: None), (lambda: None)
-
-    def broadcast(self, key: str) -> Any:
-        put = self.said.setdefault(key.rpartition("/")[2], []).append
-        return SimpleNamespace(put=put, end=lambda: None, is_heard=True)
-
-
 class Show:
-    """A match of random orders, and what its table told everyone."""
+    """A match of random orders, and what was published of it."""
 
     def __init__(self, identity: Identity = PIT, spectator_key: bytes | None = KEY) -> None:
         header = Header(identity=IDENTITY, blue="ann", red="bob", ruleset=RULES, keys=KEYS)
-        match, session, self.journal = Match(header, TimeControl(turn_time_s=None), 0.0), Audience(), b""
-        house: Any = PitContext(session=session, pit="pit", identity=identity, spectator_key=spectator_key)  # type: ignore[arg-type]
-        entries = {team: Identity.make().public for team in Team}
-        self._table = MatchSession(house, match, entries, os.open(os.devnull, os.O_WRONLY))
-        self.journal, chance = match.start_record, random.Random(3)
+        match, chance = Match(header, TimeControl(turn_time_s=None), 0.0), random.Random(3)
+        context = PitContext(pit="pit", identity=identity, spectator_key=spectator_key)
+        self._session = MatchSession(context, match, {team: Identity.make().public for team in Team})
+        self.journal = match.start_record
+        self.public: list[bytes] = []
+        self.truths: list[bytes] = []
         for team in Team:
             self._carry_out(match.ready(team, 0.0))
         while match.phase is Phase.PLAYING:
@@ -70,18 +57,17 @@ class Show:
             for team in Team:
                 orders = bytes(chance.randrange(len(Action)) for _ in RULES.team(team))
                 self._carry_out(match.submit(team, tick, orders, 0.0))
-        self._table.put_down()
-        self.public: list[bytes] = session.said["public"]
-        self.truths: list[bytes] = session.said["truth"]
 
-    def _carry_out(self, events: list[Event]) -> None:
-        for event in events:
-            if isinstance(event, Write):
-                self.journal += event.data
-            elif isinstance(event, Publish):
-                self._table.publish()
-            elif isinstance(event, End):
-                self._table.end(event.result)
+    def _carry_out(self, match_effects: list[MatchEffect]) -> None:
+        for effect in self._session.carry(match_effects):
+            if isinstance(effect, Append):
+                self.journal += effect.data
+            elif isinstance(effect, PublishTick):
+                self.public.append(effect.make_public())
+                if effect.make_truth is not None:
+                    self.truths.append(effect.make_truth())
+            elif isinstance(effect, PublishEnding):
+                self.public.append(effect.payload)
 
 
 @pytest.fixture(scope="module")
