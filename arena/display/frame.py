@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.rules import reach_of
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 
@@ -26,7 +27,14 @@ def to_text(grid: Grid) -> str:
 def describe_rules(ruleset: Ruleset) -> dict[str, Any]:
     """Return what of a ruleset shows on a board: its size, its clock, and what each unit of each team can do."""
     kinds = {
-        kind.name: {"step": kind.step, "sight": kind.sight, "attack": kind.attack, "flies": kind.flies} for kind in ruleset.units
+        kind.name: {
+            "step": kind.step,
+            "sight": kind.sight,
+            "attack": kind.attack,
+            "reach": reach_of(kind.attack, ruleset.attack_at_range, kind.flies),
+            "flies": kind.flies,
+        }
+        for kind in ruleset.units
     }
     return {
         "name": ruleset.name,
