@@ -50,6 +50,7 @@ def draw(game: Any, state: Any, tables: Any, map_key: Any, rows: Any) -> int:
 def begin(game: Any, state: Any, tables: Any) -> None:
     """Set a laid-out game to tick 0, everybody living."""
     state.alive[game] = 1
+    state.event[game] = -1
     field = state.field[game]
     field[StateField.TICK] = field[StateField.ENDING] = field[StateField.SCORE] = 0
     field[StateField.WINNER] = -1

@@ -19,7 +19,7 @@ from arena.game.compiled import (
     winner_of,
 )
 from arena.game.philox import Purpose, philox
-from arena.game.state import Rule, StateField, Trait
+from arena.game.state import Event, Rule, StateField, Trait
 from arena.game.types import Termination
 from arena.jit import jit
 
@@ -89,6 +89,7 @@ def _fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
                     is_in_range = True
         if not is_in_range:
             continue
+        state.event[game, Event.FOUGHT, unit] = tick + 1
         at_home = is_home(state.ground[game, here], team)
         if tables.rule[Rule.RANDOM_COMBAT]:
             word: Any = np.int64(philox(state.key[game, Purpose.FIGHT, team], tick, index, Purpose.FIGHT, 0)[0])
@@ -98,7 +99,9 @@ def _fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
     for walker in range(blue_walkers + red_walkers):
         if falls[walker]:
             team = 0 if walker < blue_walkers else 1
-            state.alive[game, walker + team * (blue - blue_walkers)] = 0
+            unit = walker + team * (blue - blue_walkers)
+            state.alive[game, unit] = 0
+            state.event[game, Event.FELL, unit] = tick + 1
             state.field[game, StateField.BLUE_LIVING + team] -= 1
 
 
@@ -116,6 +119,8 @@ def judge(game: Any, shape: Any, state: Any, tables: Any) -> None:
     red_lost = red - state.field[game, StateField.RED_LIVING]
     blue_falls, red_falls = is_eliminated(blue_walkers, blue_lost), is_eliminated(red_walkers, red_lost)
     captures, tick = blue_captures | red_captures, state.field[game, StateField.TICK]
+    if captures:
+        _mark_captures(game, shape, state)
     ending = ending_of(captures, blue_falls | red_falls, tick, tables.rule[Rule.TICK_LIMIT])
     achieved = int(blue_captures) - int(red_captures) if captures else int(red_falls) - int(blue_falls)
     score = score_of(ending, achieved, red_lost, blue_lost)
@@ -131,3 +136,13 @@ def _captures(game: Any, state: Any, first: Any, last: Any, flag: Any) -> Any:
     for unit in range(first, last):
         captures |= is_captured(state.cell[game, unit], flag, state.alive[game, unit])
     return captures
+
+
+@jit()
+def _mark_captures(game: Any, shape: Any, state: Any) -> None:
+    _, blue, blue_walkers, _, red_walkers = shape
+    for walker in range(blue_walkers + red_walkers):
+        unit = walker if walker < blue_walkers else blue + walker - blue_walkers
+        flag = state.field[game, StateField.RED_FLAG if walker < blue_walkers else StateField.BLUE_FLAG]
+        if is_captured(state.cell[game, unit], flag, state.alive[game, unit]):
+            state.event[game, Event.CAPTURED, unit] = state.field[game, StateField.TICK]

@@ -36,6 +36,14 @@ class StateField(IntEnum):
     """Games that this row has held before, where finished games are drawn anew."""
 
 
+class Event(IntEnum):
+    """Rows of `State.event`: what a tick may do to a unit."""
+
+    FOUGHT = 0
+    FELL = 1
+    CAPTURED = 2
+
+
 class State(NamedTuple):
     """The true state of `n` games."""
 
@@ -51,6 +59,20 @@ class State(NamedTuple):
     """Shape (n, 2 purposes, 2 teams, 2): Philox keys of each team's moves, and of its fights."""
     stream: NDArray[np.uint32]
     """Shape (n, 2): Philox key from which a row that is drawn anew takes the keys of its next game."""
+
+    event: NDArray[np.int32]
+    """Shape (n, len(Event), units): the tick that last did it to a unit, as counted after it; -1 for none. No flags, so that a
+    tick without events has nothing to clear."""
+
+
+class TickEvents(NamedTuple):
+    """What the last tick of each game did to its units; bool, shape (n, units)."""
+
+    fought: NDArray[np.bool_]
+    """An enemy had it in reach. It lives, or it fell."""
+    fell: NDArray[np.bool_]
+    captured: NDArray[np.bool_]
+    """It stands on the enemy's flag, and that ended the match."""
 
 
 class Seen(NamedTuple):
@@ -125,6 +147,7 @@ def make_state(ruleset: Ruleset, n_games: int) -> State:
         field=np.zeros((n_games, len(StateField)), np.int32),
         key=np.zeros((n_games, 2, 2, 2), np.uint32),
         stream=np.zeros((n_games, 2), np.uint32),
+        event=np.full((n_games, len(Event), n_units), -1, np.int32),
     )
 
 
