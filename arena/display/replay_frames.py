@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from arena.display.frame import describe_rules, describe_tick
 from arena.errors import JournalError
 from arena.game.engine import BatchedGame
@@ -79,4 +81,8 @@ def _tell(games: BatchedGame) -> dict[str, Any]:
         truth=games.truth(0),
         seen=[grids[team, 0] for team in Team],
         units=(every[:n_blue], every[n_blue:]),
+        events={
+            name: [(int(unit >= n_blue), unit - n_blue * (unit >= n_blue)) for unit in np.flatnonzero(flags[0]).tolist()]
+            for name, flags in games.events._asdict().items()
+        },
     )

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from arena.game.observation import Observation, OwnUnit
+from arena.game.rules import can_enter
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Code, Team
 from clients.human.routes import Cell, Routes, lead
@@ -198,7 +199,7 @@ class Commander:
             to, why = lead(at, action, step, side), ""
             if to == at:
                 why = "the board ends" if step else "it cannot move"
-            elif not unit.flies and self._known[to] == Code.OBSTACLE:
+            elif not can_enter(self._known[to], unit.flies):
                 why = "an obstacle"
             options.append(Option(action=action, to=to, is_open=not why, why=why))
         return tuple(options)
