@@ -52,18 +52,6 @@ class State(NamedTuple):
     """Shape (n, 2): Philox key from which a row that is drawn anew takes the keys of its next game."""
 
 
-class Seen(NamedTuple):
-    """What one team is told of `n` games beside its board and its own units; fields of `arena.game.observation.Observations`."""
-
-    tick: NDArray[np.int32]
-    living: NDArray[np.int16]
-    score: NDArray[np.int16]
-    seed: NDArray[np.uint64]
-    enemy_cell: NDArray[np.int16]
-    enemy_flies: NDArray[np.uint8]
-    enemy_type: NDArray[np.int8]
-
-
 class Rule(IntEnum):
     """Entries of `Tables.rule`."""
 
@@ -124,19 +112,6 @@ def make_state(ruleset: Ruleset, n_games: int) -> State:
         field=np.zeros((n_games, len(StateField)), np.int32),
         key=np.zeros((n_games, 2, 2, 2), np.uint32),
         stream=np.zeros((n_games, 2), np.uint32),
-    )
-
-
-def make_seen(n_games: int, n_enemies: int) -> Seen:
-    """Return memory for what a team is told, nobody in sight."""
-    return Seen(
-        tick=np.zeros(n_games, np.int32),
-        living=np.zeros((n_games, 2), np.int16),
-        score=np.zeros(n_games, np.int16),
-        seed=np.zeros(n_games, np.uint64),
-        enemy_cell=np.full((n_games, n_enemies), -1, np.int16),
-        enemy_flies=np.zeros((n_games, n_enemies), np.uint8),
-        enemy_type=np.full((n_games, n_enemies), -1, np.int8),
     )
 
 

@@ -18,7 +18,7 @@ from arena.game.observation import EnemyUnit, Observation, Observations
 from arena.game.ruleset import Ruleset, UnitType, load
 from arena.game.state import StateField
 from arena.game.types import FLAGS, HALVES, Code, Team, Termination
-from arena.protocol.observation_codec import pack
+from arena.protocol.observation_codec import ObservationWriter
 
 Look = Callable[[BatchedGame, Team], tuple[Observations, Observation]]
 """What one team is told of row 0, as a batch sees it and as a bot does."""
@@ -203,7 +203,7 @@ def test_what_is_hidden_does_not_change_the_bytes_on_the_wire(rules: Ruleset, se
 
     other = another_truth(games, team, rng).games
 
-    packed = [pack(truth.observe()[team], 0) for truth in (games, other)]
+    packed = [ObservationWriter(truth.observe()[team], 0).write() for truth in (games, other)]
     assert packed[0] == packed[1]
 
 
