@@ -66,8 +66,8 @@ def serve(
     from arena.pit.pit import Pit, PitSettings
     from arena.pit.register import Register, read_invites
     from arena.protocol.topics import check_chunk
-    from tournaments.commands.web_page import web_page
     from tournaments.ladder.methods import DEFAULT, find_ladder
+    from tournaments.web_page import web_page
 
     if db and not ladder:
         raise InputError("--db is where a ladder is kept; give --ladder as well")

@@ -116,7 +116,7 @@ def test_the_same_keys_and_orders_give_the_bytes_of_the_local_venue_and_of_the_n
 @pytest.mark.parametrize("team", list(Team))
 def test_an_opponent_plays_as_it_does_in_the_local_venue(journal: Journal, team: Team) -> None:
     opponent = (journal.header.blue, journal.header.red)[team.other]
-    env = make_single(opponent, team.name.lower(), SMALL)
+    env = make_single(opponent, team=team.name.lower(), ruleset=SMALL)
     env.reset(options={"keys": KEYS})
     total, shown = 0.0, watch(journal)
 

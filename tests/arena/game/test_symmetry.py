@@ -33,7 +33,7 @@ def exchange(games: BatchedGame) -> BatchedGame:
     theirs.ground[:] = EXCHANGED[mine.ground]
     theirs.cell[:], theirs.alive[:] = swap(mine.cell, n_blue), swap(mine.alive, n_blue)
     theirs.key[:] = mine.key[:, :, ::-1]
-    theirs.field[:] = mine.fact
+    theirs.field[:] = mine.field
     for one, other in ((StateField.BLUE_FLAG, StateField.RED_FLAG), (StateField.BLUE_LIVING, StateField.RED_LIVING)):
         theirs.field[:, [one, other]] = mine.field[:, [other, one]]
     theirs.field[:, StateField.SCORE] = -mine.field[:, StateField.SCORE]

@@ -249,7 +249,11 @@ def test_a_disk_that_takes_no_journal_is_one_sentence_and_what_was_stored_can_go
     program = tmp_path / "full.py"
     program.write_text(FULL)
     command = [sys.executable, str(program), venue.__name__, str(tmp_path), "1000"]  # no file is to be longer
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(
+            [str(Path(__file__).parent), str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
+        )
+    }
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
 
     assert done.returncode == 0, done.stderr
