@@ -2,12 +2,14 @@
 
 import re
 import runpy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from arena.game.observation import Observation, OwnUnit
+from arena.game.observation import Observation, Observations, OwnUnit
+from arena.game.ruleset import load
 from arena.game.types import Action, Code, Team
 from tournaments.cli import COMMANDS
 
@@ -25,9 +27,8 @@ def see(*, flag: tuple[int, int] | None) -> Observation:
         OwnUnit(index=index, type="ugv", row=row, column=column, alive=True, flies=False)
         for index, (row, column) in enumerate(places)
     )
-    return Observation(
-        tick=0, team=Team.BLUE, ground=ground, units=units, enemies=(), living=(2, 2), score=0, clock_s=None, seed=7
-    )
+    ruleset = load("paper")
+    return replace(Observations.blank(ruleset, Team.BLUE, 1).seat(0, ruleset), ground=ground, units=units)
 
 
 def test_its_bot_walks_to_the_flag_that_it_sees_and_wanders_otherwise() -> None:

@@ -9,7 +9,7 @@ from worlds import SEEDS, rulesets, scatter
 
 from arena.errors import UnreadableError
 from arena.game.engine import BatchedGame
-from arena.game.observation import Observations
+from arena.game.observation import FIELDS, Observations
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team
 from arena.protocol.observation_codec import ObservationReader, ObservationWriter
@@ -131,3 +131,35 @@ def test_another_length_is_refused_with_both(change: int) -> None:
 
     with pytest.raises(UnreadableError, match=f"an observation has {len(data)} bytes under these rules, not {len(other)}"):
         ObservationReader(PAPER, Team.BLUE).read(other)
+
+
+BOUNDED = [name for name, spec in FIELDS.items() if spec.is_on_wire and spec.values is not None]
+
+
+@pytest.mark.parametrize("name", BOUNDED)
+@pytest.mark.parametrize("team", Team)
+def test_a_value_that_no_game_has_is_refused(name: str, team: Team) -> None:
+    spec, seen = FIELDS[name], any_game(PAPER, 1).observe()[team]
+    values = spec.values_of(PAPER, team)
+    assert values is not None
+    for value in (values[-1] + 1, *([values[0] - 1] if np.iinfo(spec.dtype).min < 0 else [])):
+        getattr(seen, name).reshape(1, -1)[0, 0] = value
+
+        with pytest.raises(UnreadableError, match="no game has"):
+            ObservationReader(PAPER, team).read(ObservationWriter(seen, 0).write())
+
+
+@pytest.mark.parametrize("name", ["enemy_cell", "enemy_type"])
+def test_an_enemy_with_a_type_and_no_place_or_the_other_way_round_is_refused(name: str) -> None:
+    seen = Observations.blank(PAPER, Team.BLUE, 1)
+    getattr(seen, name)[0, 0] = 0
+
+    with pytest.raises(UnreadableError, match="an enemy with a type and no place, or a place and no type"):
+        ObservationReader(PAPER, Team.BLUE).read(ObservationWriter(seen, 0).write())
+
+
+@given(rulesets(max_side=24), st.sampled_from(Team))
+def test_every_field_is_aligned_in_the_bytes(rules: Ruleset, team: Team) -> None:
+    seen = ObservationReader(rules, team).blank()
+
+    assert all(getattr(seen, name).flags.aligned for name in FIELDS)
