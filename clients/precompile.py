@@ -5,7 +5,7 @@ import numpy as np
 from arena.game.ruleset import load
 from arena.game.types import Team
 from arena.policy import BatchFactory, BatchPolicy
-from arena.protocol.observation_codec import Reader
+from arena.protocol.observation_codec import ObservationReader
 
 
 def precompile(make: BatchFactory) -> None:
@@ -13,7 +13,7 @@ def precompile(make: BatchFactory) -> None:
     if not (isinstance(make, type) and issubclass(make, BatchPolicy)):
         return
     ruleset = load("paper")
-    blank = Reader(ruleset, Team.BLUE).blank()
+    blank = ObservationReader(ruleset, Team.BLUE).blank()
     policy = make(ruleset, Team.BLUE, 1)
     policy.start(np.zeros(1, np.intp))
     policy.act(blank, np.zeros(blank.cell.shape, np.int8))

@@ -13,7 +13,7 @@ from arena.game.ruleset import Ruleset, from_dict
 from arena.game.types import Team, Termination
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn
-from arena.protocol.observation_codec import Reader
+from arena.protocol.observation_codec import ObservationReader
 from arena.protocol.topics import is_chunk
 from arena.records.transcript import Head, TranscriptWriter
 
@@ -54,7 +54,7 @@ class Seat:
         self.ended: Ended | None = None
         self.known_ticks = 0
         """Observations that the policy has been shown."""
-        self._reader = Reader(self.ruleset, self.team)
+        self._reader = ObservationReader(self.ruleset, self.team)
         self._policy: BatchPolicy = make(self.ruleset, self.team, 1)
         self._policy.start(_SEAT)
         self._orders = np.zeros((1, len(self.ruleset.team(self.team))), np.int8)

@@ -18,7 +18,7 @@ from arena.network.session import Sample, Session, open_client, read_key, read_p
 from arena.protocol import topics
 from arena.protocol.codec import decode
 from arena.protocol.messages import Ended, Lobby, PublicState, Signed, Truth
-from arena.protocol.observation_codec import Reader
+from arena.protocol.observation_codec import ObservationReader
 from arena.protocol.sealing import Opener, truth_opener
 from arena.protocol.signed import read_statement
 from clients.lobby import ask_challenge, ask_lobby
@@ -58,7 +58,7 @@ class Spectator:
     def __init__(self, pit: str, match: str, ruleset: Ruleset, pit_key: bytes, spectator_key: bytes | None) -> None:
         self._pit, self._match, self._pit_key, self._key = pit, match, pit_key, spectator_key
         self._side, self._ruleset = ruleset.side, ruleset
-        self._readers = [Reader(ruleset, team) for team in Team]
+        self._readers = [ObservationReader(ruleset, team) for team in Team]
         self._openers: dict[bytes, Opener] = {}
         self._n_closed = 0
 

@@ -75,18 +75,6 @@ class TickEvents(NamedTuple):
     """It stands on the enemy's flag, and that ended the match."""
 
 
-class Seen(NamedTuple):
-    """What one team is told of `n` games beside its board and its own units; fields of `arena.game.observation.Observations`."""
-
-    tick: NDArray[np.int32]
-    living: NDArray[np.int16]
-    score: NDArray[np.int16]
-    seed: NDArray[np.uint64]
-    enemy_cell: NDArray[np.int16]
-    enemy_flies: NDArray[np.uint8]
-    enemy_type: NDArray[np.int8]
-
-
 class Rule(IntEnum):
     """Entries of `Tables.rule`."""
 
@@ -148,19 +136,6 @@ def make_state(ruleset: Ruleset, n_games: int) -> State:
         key=np.zeros((n_games, 2, 2, 2), np.uint32),
         stream=np.zeros((n_games, 2), np.uint32),
         event=np.full((n_games, len(Event), n_units), -1, np.int32),
-    )
-
-
-def make_seen(n_games: int, n_enemies: int) -> Seen:
-    """Return memory for what a team is told, nobody in sight."""
-    return Seen(
-        tick=np.zeros(n_games, np.int32),
-        living=np.zeros((n_games, 2), np.int16),
-        score=np.zeros(n_games, np.int16),
-        seed=np.zeros(n_games, np.uint64),
-        enemy_cell=np.full((n_games, n_enemies), -1, np.int16),
-        enemy_flies=np.zeros((n_games, n_enemies), np.uint8),
-        enemy_type=np.full((n_games, n_enemies), -1, np.int8),
     )
 
 

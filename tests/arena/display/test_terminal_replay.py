@@ -17,7 +17,7 @@ from arena.display.text import Memory, tell_end
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult
-from arena.protocol.observation_codec import Writer
+from arena.protocol.observation_codec import ObservationWriter
 from arena.records.replay import match_result
 from arena.records.transcript import TranscriptHeader, TranscriptWriter, load_transcript
 
@@ -45,7 +45,7 @@ def keep(path: Path, rules: Ruleset, team: Team, orders: Iterable[Sequence[int]]
     )  # fmt: skip
     own = slice(2, 3) if team is Team.RED else slice(0, 2)
     with TranscriptWriter(path, replace(header, **changes)) as transcript:
-        writer = Writer(games.observe()[team], 0)
+        writer = ObservationWriter(games.observe()[team], 0)
         for told in orders:
             actions = np.array([told], np.int8)
             transcript.add(writer.write(), actions[0, own].tobytes())
@@ -145,7 +145,7 @@ def test_a_unit_that_fell_in_the_middle_has_a_line_of_its_own(arena: Run, tmp_pa
         commitment=bytes(32),
     )  # fmt: skip
     with TranscriptWriter(path, header) as transcript:
-        writer = Writer(games.observe()[Team.BLUE], 0)
+        writer = ObservationWriter(games.observe()[Team.BLUE], 0)
         for told in [(STAY, STAY, STAY, SOUTH), (EAST, STAY, STAY, NORTH), (WEST, 99, NORTH, STAY)]:
             transcript.add(writer.write(), bytes(told[own]))
             games.play(np.array([told], np.int8))
