@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from arena.game.types import Team
-from tournaments.fixture import pair_of
+from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
 from tournaments.ratings.bootstrap import Game, Unit, bootstrap, count
 from tournaments.ratings.davidson import ELO, Floats, fit
@@ -83,7 +83,7 @@ def _strata(names: Sequence[str], outcomes: Iterable[Outcome], *, are_maps_fresh
         return [Counter((game,) for _, game in games if (game[0] < game[1]) is is_first_blue) for is_first_blue in (True, False)]
     pairs: defaultdict[str, list[Game]] = defaultdict(list)
     for identity, game in games:
-        pairs[pair_of(identity)].append(game)
+        pairs[LeagueMatchId.parse(identity).pair_id].append(game)
     return [Counter(tuple(sorted(pair)) for pair in pairs.values())]
 
 

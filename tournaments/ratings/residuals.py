@@ -25,7 +25,7 @@ import numpy as np
 from scipy.stats import binom, norm
 
 from arena.game.types import Team
-from tournaments.fixture import pair_of
+from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
 from tournaments.ratings.davidson import ELO, Floats, chances, posterior
 from tournaments.ratings.rate import Ratings
@@ -157,7 +157,7 @@ def _pairs(outcomes: Iterable[Outcome]) -> dict[tuple[str, str], list[float]]:
     for outcome in outcomes:
         one, other = sorted((outcome.blue, outcome.red))
         points = float(_POINTS[_result(outcome)])
-        pairs[one, other, pair_of(outcome.identity)].append(points if outcome.blue == one else 1 - points)
+        pairs[one, other, LeagueMatchId.parse(outcome.identity).pair_id].append(points if outcome.blue == one else 1 - points)
     fixtures: defaultdict[tuple[str, str], list[float]] = defaultdict(list)
     for (one, other, _), scores in pairs.items():
         if len(scores) == 2:

@@ -11,7 +11,7 @@ from statistics import median
 import numpy as np
 
 from arena.game.types import Team, Termination
-from tournaments.fixture import pair_of
+from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
 from tournaments.ratings.rate import N_DRAWS, Rating, rate
 from tournaments.ratings.residuals import Cycle, Residual, find_cycles, find_residuals
@@ -191,7 +191,7 @@ def _side_bias(outcomes: Iterable[Outcome]) -> tuple[float, float, float]:
     """Return blue's points less red's per match, with a 95% interval over whole pairs; the widest there is without two pairs."""
     pairs: defaultdict[str, list[int]] = defaultdict(list)
     for outcome in outcomes:
-        pairs[pair_of(outcome.identity)].append({None: 0, Team.BLUE: 1, Team.RED: -1}[outcome.winner])
+        pairs[LeagueMatchId.parse(outcome.identity).pair_id].append({None: 0, Team.BLUE: 1, Team.RED: -1}[outcome.winner])
     leads = np.array([np.mean(games) for _, games in sorted(pairs.items()) if len(games) == 2])
     if len(leads) < 2:
         return (float(leads.mean()) if len(leads) else 0.0), -1.0, 1.0

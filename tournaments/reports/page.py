@@ -15,6 +15,7 @@ from jinja2 import Environment, StrictUndefined, Template
 
 from arena.game.types import Team
 from arena.records.journal import journal_name
+from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
 from tournaments.ratings.standings import Standing
 from tournaments.reports.charts import chance_map, heat_map, rating_plot, say_record, side_plot
@@ -124,7 +125,11 @@ def _letters(league: StoredLeague, pair: tuple[str, str], outcomes: Sequence[Out
     A pair of matches has two letters, the first for the match that the first entry played as blue; `-` was not played.
     """
     one, other = pair
-    names = [f"{league.name}/{one}/{other}/{number:04}/{blue}-blue/0" for number in range(league.n_pairs) for blue in pair]
+    names = [
+        str(LeagueMatchId(league=league.name, one=one, other=other, pair=number, blue=blue))
+        for number in range(league.n_pairs)
+        for blue in pair
+    ]
     found = {outcome.identity: _letter(outcome, one) for outcome in outcomes}
     if not found.keys() <= set(names) or any(journal_name(name) != name.replace("/", "+") + ".journal" for name in found):
         return None

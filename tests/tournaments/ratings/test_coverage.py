@@ -9,8 +9,8 @@ import pytest
 
 from arena.game.types import Team, Termination
 from tournaments.outcome import Outcome, SeatOutcome
-from tournaments.ratings import rate
 from tournaments.ratings.davidson import ELO, chances
+from tournaments.ratings.rate import rate
 from tournaments.ratings.sprt import expected_score, log_likelihood_ratio
 
 WINNERS = (Team.BLUE, None, Team.RED)
