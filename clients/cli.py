@@ -177,16 +177,10 @@ def _say_seat(seat: "Seat") -> None:
 
 
 def _say_end(seat: "Seat") -> None:
-    result = seat.result()
-    outcome = "draw" if result.winner is None else "win" if result.winner is seat.team else "loss"
-    how = result.ending.name.lower().replace("_", " ")
-    why = f" ({result.reason})" if result.reason else ""
     counted = (seat.ended.faults if seat.ended else {}).get(seat.team.name.lower(), {})
     faults = ", ".join(f"{n} {what}" for what, n in counted.items() if n)
-    typer.echo(
-        f"match {seat.ticket.match}: {outcome} as {seat.team.name.lower()} by {how}{why} after {result.ticks} ticks, "
-        f"score {result.score:+d}{f'; counted: {faults}' if faults else ''}"
-    )
+    how = seat.result().describe(seat.team)
+    typer.echo(f"match {seat.ticket.match}: {how}{f'; counted: {faults}' if faults else ''}")
     first = seat.faults().first_traceback
     if first:
         typer.echo(f"the policy first failed like this:\n{first}", err=True)
@@ -229,6 +223,7 @@ def watch(
     from arena.display.text import is_live
     from arena.keyring.files import load_secret
     from arena.network.address import parse_address
+    from clients.seat import read_result
     from clients.spectator import Frame, watch
 
     address = parse_address(pit)
@@ -248,10 +243,7 @@ def watch(
                     typer.echo(_plain(drawn), nl=False)
             last = frame
     if last is not None and last.ended is not None:
-        ended = last.ended
-        winner = "a draw" if ended.winner is None else f"{ended.winner} wins"
-        how = ended.ending.replace("_", " ")
-        typer.echo(f"{winner} by {how} after {ended.ticks} ticks, score {ended.score:+d} for blue")
+        typer.echo(read_result(last.ended).describe())
 
 
 def _draw(match: str, names: tuple[str, str], frame: "Frame", width: int, height: int | None) -> "RenderableType":

@@ -65,14 +65,14 @@ def tally(one: str, other: str, records: Iterable[MatchRecord]) -> Tally:
     for record in sorted(records, key=lambda record: record.plan.identity):
         plan, result = record.plan, record.result
         own = Team.BLUE if plan.blue == one else Team.RED
-        won = 0.5 if result.winner is None else float(result.winner is own)
+        won = result.points(own)
         per_pair[plan.keys.map_key] = per_pair.get(plan.keys.map_key, 0.0) + won / 2
         points["win" if won == 1 else "loss" if won == 0 else "draw"] += 1
         if result.winner is not None:
             sides[result.winner] += 1
         endings[result.ending] += 1
         counts["ticks"] += result.ticks
-        counts["score"] += result.score if own is Team.BLUE else -result.score
+        counts["score"] += result.seen_by(own).score
         for name, found in zip((plan.blue, plan.red), record.faults, strict=True):
             faults[name].raised += found.raised
             faults[name].illegal += found.illegal

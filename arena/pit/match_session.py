@@ -145,7 +145,7 @@ class MatchSession:
         """Tell everyone how the match ended, and return what was told."""
         ended = Ended(
             match=self.id,
-            **result.in_words(),
+            **result.to_dict(),
             faults={team.name.lower(): self.match.record(team).faults() for team in Team},
         )
         signed = sign_statement(self._house.identity, ended)

@@ -29,7 +29,6 @@ from math import exp, expm1, log
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from arena.game.types import Team
 from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
 
@@ -139,9 +138,7 @@ def pair_scores(outcomes: Iterable[Outcome], entry: str) -> list[float]:
     """
     pairs: defaultdict[int, list[float]] = defaultdict(list)
     for outcome in outcomes:
-        own = Team.BLUE if outcome.blue == entry else Team.RED
-        pair = LeagueMatchId.parse(outcome.identity).pair
-        pairs[pair].append(0.5 if outcome.winner is None else float(outcome.winner is own))
+        pairs[LeagueMatchId.parse(outcome.identity).pair].append(outcome.points(entry))
     return [sum(points) for _, points in sorted(pairs.items()) if len(points) == 2]
 
 

@@ -51,9 +51,7 @@ class Leagues:
                 "identity": one.identity,
                 "blue": one.blue,
                 "red": one.red,
-                "winner": None if one.winner is None else one.winner.name.lower(),
-                "ending": one.ending.name.lower(),
-                "ticks": one.ticks,
+                **one.result.to_dict(),
             }
             for one in outcomes
         ]
