@@ -4,13 +4,14 @@ The policy is asked once for each tick, whatever is sent twice, lost, or sent ag
 """
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from arena.errors import UnreadableError
 from arena.game.ruleset import Ruleset, from_dict
-from arena.game.types import Team, Termination
+from arena.game.types import Team
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn
 from arena.protocol.observation_codec import ObservationReader
@@ -33,6 +34,14 @@ def read_ticket(ticket: Ticket) -> tuple[Ruleset, Team]:
     if ticket.team not in tuple(Team) or not is_chunk(ticket.match):
         raise UnreadableError(f"the ticket is for team {ticket.team} in match {ticket.match!r}")
     return read_rules(ticket.ruleset), Team(ticket.team)
+
+
+def read_result(ended: Ended) -> MatchResult:
+    """Return how a match ended, by the pit's message; `UnreadableError` if no match ends like this."""
+    try:
+        return MatchResult.from_dict(asdict(ended))
+    except KeyError as error:
+        raise UnreadableError(f"no match ends like this: {error}") from error
 
 
 def read_rules(values: Mapping[str, Any]) -> Ruleset:
@@ -90,7 +99,7 @@ class Seat:
         if type(message) is History:
             self._catch_up(message)
         elif type(message) is Ended:
-            result = self._read_result(message)
+            result = read_result(message).seen_by(self.team)
             self.ended = message
             self._policy.end(0, result)
             if self._transcript is not None:
@@ -101,19 +110,7 @@ class Seat:
         """Return how the match ended, from this side."""
         if self.ended is None:
             raise ValueError("the match is not over")
-        return self._read_result(self.ended)
-
-    def _read_result(self, ended: Ended) -> MatchResult:
-        try:
-            return MatchResult(
-                ending=Termination[ended.ending.upper()],
-                winner=None if ended.winner is None else Team[ended.winner.upper()],
-                score=ended.score if self.team is Team.BLUE else -ended.score,
-                ticks=ended.ticks,
-                reason=ended.reason,
-            )
-        except KeyError as error:
-            raise UnreadableError(f"no match ends like this: {error}") from error
+        return read_result(self.ended).seen_by(self.team)
 
     def faults(self) -> Faults:
         """Return the policy's faults since the last call."""

@@ -52,7 +52,7 @@ def tell_match(data: bytes) -> dict[str, Any]:
         "names": [header.blue, header.red],
         "rules": describe_rules(header.ruleset),
         "ticks": told,
-        "ending": ending.in_words(),
+        "ending": ending.to_dict(),
         "marks": [[int(mark) for mark in tick.marks] for tick in journal.ticks],
         "broken": broken,
         "is_sealed": journal.seals is not None,

@@ -157,16 +157,10 @@ def _print_seat(seat: "Seat") -> None:
 
 
 def _print_result(seat: "Seat") -> None:
-    result = seat.result()
-    outcome = "draw" if result.winner is None else "win" if result.winner is seat.team else "loss"
-    how = result.ending.name.lower().replace("_", " ")
-    why = f" ({result.reason})" if result.reason else ""
     counted = (seat.ended.faults if seat.ended else {}).get(seat.team.name.lower(), {})
     faults = ", ".join(f"{n} {what}" for what, n in counted.items() if n)
-    typer.echo(
-        f"match {seat.ticket.match}: {outcome} as {seat.team.name.lower()} by {how}{why} after {result.ticks} ticks, "
-        f"score {result.score:+d}{f'; counted: {faults}' if faults else ''}"
-    )
+    how = seat.result().describe(seat.team)
+    typer.echo(f"match {seat.ticket.match}: {how}{f'; counted: {faults}' if faults else ''}")
     first = seat.faults().first_traceback
     if first:
         typer.echo(f"the policy first failed like this:\n{first}", err=True)

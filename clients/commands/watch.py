@@ -28,6 +28,7 @@ def watch(
     from arena.display.text import is_live
     from arena.keyring.files import load_secret
     from arena.network.address import parse_address
+    from clients.seat import read_result
     from clients.spectator import Frame, watch
 
     address = parse_address(pit)
@@ -47,10 +48,7 @@ def watch(
                     typer.echo(_plain(drawn), nl=False)
             last = frame
     if last is not None and last.ended is not None:
-        ended = last.ended
-        winner = "a draw" if ended.winner is None else f"{ended.winner} wins"
-        how = ended.ending.replace("_", " ")
-        typer.echo(f"{winner} by {how} after {ended.ticks} ticks, score {ended.score:+d} for blue")
+        typer.echo(read_result(last.ended).describe())
 
 
 def _draw(match: str, names: tuple[str, str], frame: "Frame", width: int, height: int | None) -> "RenderableType":

@@ -113,7 +113,7 @@ class Player:
             if picture is not None and desk.commander is not None:
                 told["picture"] = _describe(picture)
             if result is not None:
-                told["result"] = result.in_words()
+                told["result"] = result.to_dict()
         return told
 
     def do(self, word: Any) -> None:

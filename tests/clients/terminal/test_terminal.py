@@ -65,8 +65,7 @@ class Venue:
                 if answer is not None:
                     events += self.match.submit(event.team, answer.tick, answer.actions, 0.0)
             elif isinstance(event, End):
-                words = event.result.in_words()
-                seats[Team.RED].receive(Ended(match="m", **words))
+                seats[Team.RED].receive(Ended(match="m", **event.result.to_dict()))
 
     def _ask(self, seat: Seat, turn: Turn) -> Any:
         while not self.stopped.is_set():
