@@ -67,7 +67,7 @@ class PitCore:
         self.n_refused = 0
         """Requests that did not open, or were not signed by whom they name."""
         self._handlers: dict[type[Event], Callable[[Any, float], list[Effect]]] = {
-            ActionReceived: self._on_action,
+            ActionReceived: self._matches.receive,
             JoinAsked: self._on_join,
             LobbyAsked: self._on_lobby,
             JournalAsked: self._on_journal,
@@ -111,9 +111,6 @@ class PitCore:
     def is_deserted(self) -> bool:
         """Whether no client is present, as far as they declare it, and no match waits for its receipts."""
         return not self._present and not self._matches.has_closing
-
-    def _on_action(self, event: ActionReceived, now_s: float) -> list[Effect]:
-        return self._matches.receive(*event, now_s)
 
     def _on_join(self, event: JoinAsked, now_s: float) -> list[Effect]:
         """Answer at once what costs nothing; let a sealed request wait."""

@@ -13,7 +13,7 @@ from arena.game.keys import MatchKeys
 from arena.game.observation import Observations
 from arena.game.ruleset import load, to_dict
 from arena.game.types import Action, Team
-from arena.match.effects import Ask, End, Event, Write
+from arena.match.effects import Ask, Effect, End, Write
 from arena.match.match import Match, Phase
 from arena.match.time_control import TimeControl
 from arena.pit import archive
@@ -120,7 +120,7 @@ class Played:
         self.now_s += 2.0
         self.carry_out(self.match.advance(self.now_s) if self.match.tick == asked[0].tick else [])
 
-    def carry_out(self, events: list[Event]) -> None:
+    def carry_out(self, events: list[Effect]) -> None:
         for event in events:
             if isinstance(event, Write):
                 self.writes += event.data

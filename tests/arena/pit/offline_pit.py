@@ -246,6 +246,8 @@ class Player:
         """Take the seat that was given."""
         ticket = self.answer()
         assert isinstance(ticket, Ticket), ticket
+        if hasattr(self, "ticket") and self.ticket.match != ticket.match:
+            self.shown, self._n_read = [], 0
         self.ticket = ticket
         self.sealer, self.opener = self.attempt.sit(ticket.match, self.team, ticket.secret)
         return self
@@ -272,7 +274,7 @@ class Player:
 
     def order(self, actions: bytes = bytes(N_UNITS)) -> "Player":
         """Answer the turn that was shown last."""
-        tick = len(self.shown) - 1
+        tick = max(len(self.shown) - 1, 0)
         return self.send(Orders(tick=tick, actions=actions), tick)
 
     def read(self) -> list[Message]:

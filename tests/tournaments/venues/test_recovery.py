@@ -11,7 +11,7 @@ from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load
 from arena.game.types import Team, Termination
 from arena.local.venue import play_batch
-from arena.match.effects import End, Event, Write
+from arena.match.effects import Effect, End, Write
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.protocol.identity import Identity
@@ -123,7 +123,7 @@ def on_the_network(plan: MatchPlan, folder: Path, *, is_void: bool = False) -> M
     """Write the journal of a match in which blue is late at every third tick, and cannot be read at others; return the match."""
     header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=RULES, keys=plan.keys)
     match, pit = Match(header, TimeControl(turn_time_s=1.0, bank_s=0.0), 0.0), Identity.make()
-    events: list[Event] = []
+    events: list[Effect] = []
     for team in Team:
         events += match.ready(team, 0.0)
     now_s, n_units = 0.0, {team: len(RULES.team(team)) for team in Team}
