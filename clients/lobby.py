@@ -10,7 +10,7 @@ from arena.network.session import Session
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import check_challenge
-from arena.protocol.messages import Challenge, Hello, Lobby, Signed
+from arena.protocol.messages import Challenge, ChallengeRequest, Lobby, Signed
 from arena.protocol.signed import read_statement
 
 _ANSWER_S = 5.0
@@ -33,7 +33,7 @@ def ask(session: Session, address: Address, key: str, payload: bytes) -> bytes:
 
 def ask_challenge(session: Session, address: Address) -> Challenge:
     """Return the pit's keys; that it holds them was checked, not who it is."""
-    challenge = decode(ask(session, address, topics.join(address.pit), encode(Hello())))
+    challenge = decode(ask(session, address, topics.join(address.pit), encode(ChallengeRequest())))
     if not isinstance(challenge, Challenge):
         raise UnreadableError("the pit answers with something else than its keys")
     check_challenge(address.pit, challenge)

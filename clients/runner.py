@@ -19,7 +19,7 @@ from arena.network.session import Sample, Session, is_beat, open_client, read_pa
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Attempt, check_challenge
-from arena.protocol.messages import Challenge, Closed, Commitment, Hello, JoinRequest, Refusal, Signed, Ticket, Wait
+from arena.protocol.messages import Challenge, ChallengeRequest, Closed, Commitment, JoinRequest, Refusal, Signed, Ticket, Wait
 from arena.records.transcript import TranscriptHeader, TranscriptWriter, transcript_name
 from clients.audit import Verdict, fetch
 from clients.precompile import warm
@@ -179,13 +179,13 @@ class Runner:
             slot.is_done = True
             return
         slot.asked_at_s, slot.ask_limit_s = now_s, ANSWER_S if slot.seat is None else PROBE_S
-        self._question(session, slot, encode(Hello()), partial(self._on_challenge, session))
+        self._question(session, slot, encode(ChallengeRequest()), partial(self._on_challenge, session))
 
     def _question(self, session: Session, slot: Slot, payload: bytes, handle: Callable[[Slot, bytes], None]) -> None:
         session.ask(topics.join(self._settings.pit), payload, partial(self._enqueue, handle, slot), slot.ask_limit_s)
 
     def _on_challenge(self, session: Session, slot: Slot, payload: bytes) -> None:
-        """Knock, if it is the right door."""
+        """Send the request, if it is the right pit."""
         settings = self._settings
         if not payload:
             self._on_silence(slot)
@@ -215,7 +215,7 @@ class Runner:
         )
         attempt = Attempt(settings.identity, settings.pit, challenge, request)
         slot.asked_at_s = time.monotonic()
-        self._question(session, slot, attempt.knock, partial(self._on_answer, session, attempt))
+        self._question(session, slot, attempt.sealed, partial(self._on_answer, session, attempt))
 
     def _on_answer(self, session: Session, attempt: Attempt, slot: Slot, payload: bytes) -> None:
         try:

@@ -41,7 +41,7 @@ from arena.pit.register import Register
 from arena.pit.request_queue import RequestQueue
 from arena.pit.seating import Seating
 from arena.protocol.codec import decode, encode
-from arena.protocol.messages import AdminRequest, Hello, Knock, Lobby, Refusal
+from arena.protocol.messages import AdminRequest, ChallengeRequest, Lobby, Refusal, SealedRequest
 from arena.records.framing import rules_values
 
 MOST_LISTED = 150
@@ -118,9 +118,9 @@ class PitCore:
             message = decode(event.payload)
         except ProtocolError as error:
             return [Reply(event.question, encode(Refusal(reason=f"the request cannot be read: {error}")))]
-        if isinstance(message, Hello):
+        if isinstance(message, ChallengeRequest):
             return [Reply(event.question, self._authenticator.challenge(now_s))]
-        if not isinstance(message, Knock):
+        if not isinstance(message, SealedRequest):
             return [Reply(event.question, encode(Refusal(reason="this is no request for a seat")))]
         return [] if self._requests.put(event) else [Drop(event.question)]
 

@@ -70,18 +70,18 @@ class Pit:
     """The pit's side of a seat."""
 
     def __init__(self, identity: Identity = PIT) -> None:
-        self.identity, self.door = identity, Authenticator("pit", identity)
+        self.identity, self.authenticator = identity, Authenticator("pit", identity)
         self.sealer: Sealer
         self.opener: Opener
 
     def offer(self, commitment: Any = None, match: str = MATCH) -> tuple[Ticket, Attempt]:
         """Return a ticket for red's seat, and the request that it answers."""
-        challenge = decode(self.door.challenge(0.0))
+        challenge = decode(self.authenticator.challenge(0.0))
         assert isinstance(challenge, Challenge)
         request = JoinRequest(rules_version=RULES_VERSION, name="ann", team="any", client="c", slot=0)
         attempt = Attempt(ANN, "pit", challenge, request)
         secret = new_secret()
-        self.sealer, self.opener = self.door.open(attempt.knock, 0.0).sit(match, Team.RED, secret, 64)
+        self.sealer, self.opener = self.authenticator.open(attempt.sealed, 0.0).sit(match, Team.RED, secret, 64)
         ticket = Ticket(
             match=match,
             team=int(Team.RED),
