@@ -7,8 +7,8 @@ A slot is in one of these states, and moves on by what it receives:
                                   |  nobody answers: asks again later      |  silence: asks whether the match still runs
                                   +- Closed: done                          +- Ticket (new keys), Signed (the ending), Wait (gone)
 
-Every question is two queries: Hello, answered by a Challenge, and the sealed request, answered by one of the above. What comes
-over the network counts only once the pit's signature or seal was checked.
+Every question is two queries: ChallengeRequest, answered by a Challenge, and SealedRequest, answered by one of the above. What
+comes over the network counts only once the pit's signature or seal was checked.
 """
 
 import logging
@@ -20,7 +20,7 @@ from arena.game.types import RULES_VERSION
 from arena.protocol import topics
 from arena.protocol.codec import encode
 from arena.protocol.handshake import Attempt, read_challenge
-from arena.protocol.messages import Closed, Hello, JoinRequest, Refusal, Signed, Ticket, Wait
+from arena.protocol.messages import ChallengeRequest, Closed, JoinRequest, Refusal, Signed, Ticket, Wait
 from clients import events
 from clients.audit import JournalDownload, audit
 from clients.seat import Seat
@@ -198,7 +198,7 @@ class ClientCore:
             self._finish(slot)
         elif slot.question is None:
             limit_s = ANSWER_S if slot.session is None else PROBE_S
-            query = self._query(topics.join(self._settings.pit), encode(Hello()), limit_s)
+            query = self._query(topics.join(self._settings.pit), encode(ChallengeRequest()), limit_s)
             slot.question = _Question(query, now_s, limit_s)
 
     def _query(self, key: str, payload: bytes, timeout_s: float) -> int:
@@ -245,7 +245,7 @@ class ClientCore:
             invite=settings.invite,
         )
         attempt = Attempt(settings.identity, settings.pit, challenge, request)
-        query = self._query(topics.join(settings.pit), attempt.knock, limit_s)
+        query = self._query(topics.join(settings.pit), attempt.sealed, limit_s)
         slot.question = _Question(query, now_s, limit_s, attempt)
         return True
 

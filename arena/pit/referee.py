@@ -54,6 +54,12 @@ MOST_WAITING = 10_000
 """Messages in a queue; what comes beyond is dropped, and asked for again."""
 _MOST_JUNK = 256  # messages beyond two of each match that are handed in before something else is done
 _SWEEP_S = 0.01
+_IN_MATCH: dict[type[Effect], Callable[[MatchChannels, Any], None]] = {
+    Append: MatchChannels.append,
+    Send: MatchChannels.send,
+    PublishTick: MatchChannels.publish_tick,
+    PublishEnding: MatchChannels.publish_ending,
+}
 
 
 class Referee:
@@ -82,10 +88,6 @@ class Referee:
         self._is_stopping, self._has_failed = False, False
         self.n_dropped = 0
         self._carry_out: dict[type[Effect], Callable[[Any], None]] = {
-            Append: lambda effect: self._channels[effect.match].append(effect),
-            Send: lambda effect: self._channels[effect.match].send(effect),
-            PublishTick: lambda effect: self._channels[effect.match].publish_tick(effect),
-            PublishEnding: lambda effect: self._channels[effect.match].publish_ending(effect),
             OpenMatch: self._open_match,
             CloseMatch: lambda effect: self._channels.pop(effect.match).close(),
             Reply: lambda effect: self._questions.pop(effect.question).answer(effect.payload),
@@ -180,8 +182,13 @@ class Referee:
         """Hand an event to the core and carry out what it wants done."""
         effects = self._core.receive(event, time.monotonic())
         try:
+            effect: Any  # of one of two kinds, told by its type, which a dictionary knows and a type checker does not
             for effect in effects:
-                self._carry_out[type(effect)](effect)
+                in_match = _IN_MATCH.get(type(effect))
+                if in_match is not None:
+                    in_match(self._channels[effect.match], effect)
+                else:
+                    self._carry_out[type(effect)](effect)
         except BaseException:
             self._has_failed = True
             raise

@@ -16,14 +16,13 @@ from arena.game.types import Team
 from arena.policy import BatchPolicy
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
-from arena.protocol.handshake import new_secret, open_knock, sign_challenge
+from arena.protocol.handshake import new_secret, open_request, sign_challenge
 from arena.protocol.identity import Identity
 from arena.protocol.messages import (
-    Answer,
+    ChallengeRequest,
     Closed,
     Commitment,
     Ended,
-    Hello,
     History,
     JoinRequest,
     JournalPiece,
@@ -33,6 +32,7 @@ from arena.protocol.messages import (
     Ready,
     Receipt,
     Refusal,
+    SealedAnswer,
     Signed,
     Ticket,
     Turn,
@@ -166,13 +166,13 @@ class Joined:
         return self.feed(Replied(self.queries.pop(0).id, payload))
 
     def answer(self, message: Message) -> list[Effect]:
-        """Answer the oldest question: its Hello, and the request that follows."""
-        assert decode(self.queries[0].payload) == Hello()
+        """Answer the oldest question: its ChallengeRequest, and the request that follows."""
+        assert decode(self.queries[0].payload) == ChallengeRequest()
         effects = self.reply(self.challenge())
         assert [type(effect) for effect in effects] == [Query]
         query = self.queries.pop()
         assert query.key == JOIN
-        caller = open_knock(query.payload, "pit", self._identity.public, self._private)
+        caller = open_request(query.payload, "pit", self._identity.public, self._private)
         assert isinstance(caller.request, JoinRequest)
         self.requests.append(caller.request)
         if isinstance(message, Ticket):
@@ -311,7 +311,7 @@ def change_pit(both: Joined) -> bytes:
     "forge",
     [
         lambda _: b"junk",
-        lambda _: encode(Hello()),
+        lambda _: encode(ChallengeRequest()),
         lambda both: encode(replace(decode(both.challenge()), signature=bytes(64))),
         change_pit,
         lambda _: encode(Refusal(reason="go away")),
@@ -337,7 +337,7 @@ def test_a_pit_of_another_version_is_refused() -> None:
         both.reply(bytes(data))
 
 
-@pytest.mark.parametrize("payload", [b"", b"junk", encode(Refusal(reason="no")), encode(Answer(sealed=bytes(80)))])
+@pytest.mark.parametrize("payload", [b"", b"junk", encode(Refusal(reason="no")), encode(SealedAnswer(sealed=bytes(80)))])
 def test_an_answer_that_the_pit_did_not_seal_counts_for_nothing(payload: bytes) -> None:
     both = Joined()
     both.connect()
@@ -723,7 +723,7 @@ def test_the_journal_is_fetched_piece_by_piece_and_checked() -> None:
     assert both.core.is_done
 
 
-@pytest.mark.parametrize("payload", [b"", b"junk", encode(Wait(reason="yet")), encode(Hello())])
+@pytest.mark.parametrize("payload", [b"", b"junk", encode(Wait(reason="yet")), encode(ChallengeRequest())])
 def test_a_journal_that_cannot_be_had_is_no_verdict(payload: bytes) -> None:
     both = audited()
 

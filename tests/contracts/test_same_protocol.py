@@ -27,23 +27,21 @@ from arena.game.ruleset import Ruleset, load, to_dict
 from arena.game.types import Team
 from arena.policy import MatchResult
 from arena.protocol.codec import MOST_BYTES, decode, encode
-from arena.protocol.handshake import Attempt, check_challenge, open_knock, sign_challenge
+from arena.protocol.handshake import Attempt, check_challenge, open_request, sign_challenge
 from arena.protocol.identity import Identity, from_text, to_text, verify
 from arena.protocol.messages import (
     PROTOCOL_VERSION,
     AdminRequest,
-    Answer,
     Challenge,
+    ChallengeRequest,
     Closed,
     Commitment,
     Done,
     Ended,
-    Hello,
     History,
     JoinRequest,
     JournalPiece,
     JournalRequest,
-    Knock,
     Lobby,
     Message,
     Orders,
@@ -51,6 +49,8 @@ from arena.protocol.messages import (
     Ready,
     Receipt,
     Refusal,
+    SealedAnswer,
+    SealedRequest,
     Signed,
     Ticket,
     Truth,
@@ -117,10 +117,10 @@ SIGNATURE = bytes(range(64))
 MATCH = "0123456789abcdef"
 PAPER = {"name": "paper", **to_dict(load("paper"))}
 MESSAGES: dict[str, tuple[Message, ...]] = {
-    "a client asks for the keys": (Hello(),),
+    "a client asks for the keys": (ChallengeRequest(),),
     "the keys": (Challenge(pit_key=A, sealing_key=B, number=C, signature=SIGNATURE),),
-    "a sealed request": (Knock(sealed=b"\x00sealed\xff"), Knock(sealed=bytes(300))),
-    "a sealed answer": (Answer(sealed=b"\x00sealed\xff"),),
+    "a sealed request": (SealedRequest(sealed=b"\x00sealed\xff"), SealedRequest(sealed=bytes(300))),
+    "a sealed answer": (SealedAnswer(sealed=b"\x00sealed\xff"),),
     "a request for a seat": (
         JoinRequest(rules_version=1, name="ann", team="any", client="c-1", slot=0),
         JoinRequest(
@@ -343,9 +343,9 @@ def test_a_request_that_was_sealed_before_is_opened_and_gives_the_same_keys_of_a
     request = JoinRequest(rules_version=1, name="ann", team="any", client="c-1", slot=0)
 
     def knock() -> str:
-        return Attempt(ANN, "pit", challenge, request).knock.hex()
+        return Attempt(ANN, "pit", challenge, request).sealed.hex()
 
-    caller = open_knock(bytes.fromhex(recorded("knock.hex", knock)), "pit", PIT.public, SEALING)
+    caller = open_request(bytes.fromhex(recorded("knock.hex", knock)), "pit", PIT.public, SEALING)
     told = [encode(caller.request).hex()]
     for team in Team:
         sealer, _ = caller.sit(MATCH, team, B, 128)
