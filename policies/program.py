@@ -109,7 +109,7 @@ class ProgramBot:
 
     def end(self, result: MatchResult) -> None:
         """Tell it how the match ended; it is kept for the next."""
-        self._tell({"type": "end", **result.in_words()})
+        self._tell({"type": "end", **result.to_dict()})
         if self._program is not None:
             self._idle.append(self._program)
             self._program = None

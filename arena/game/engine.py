@@ -19,7 +19,7 @@ from arena.game.kernel import draw_boards, observe, play, renew, sense, step, tu
 from arena.game.keys import KEY_BYTES, MatchKeys, board_key, seat_keys, unit_keys
 from arena.game.observation import Observations, make_seen
 from arena.game.ruleset import Ruleset
-from arena.game.state import State, StateField, Tables, Trait, make_state, make_tables
+from arena.game.state import State, StateField, Tables, TickEvents, Trait, make_state, make_tables
 from arena.game.types import FLAGS, UAVS, UGVS, Team, Termination
 from arena.jit import bind
 
@@ -122,6 +122,11 @@ class BatchedGame:
         if orders.shape != self.state.cell.shape or orders.dtype != np.int8:
             raise ValueError(f"orders must be int8 of shape {self.state.cell.shape}, not {orders.dtype} of {orders.shape}")
         step(self.state, orders, self.tables, self._work, True)
+
+    @property
+    def events(self) -> TickEvents:
+        """What the last tick of each game did, in fresh memory; nothing before a game's first."""
+        return TickEvents(*np.moveaxis(self.state.event == self.state.field[:, None, None, StateField.TICK], 1, 0))
 
     def play(self, orders: NDArray[np.int8]) -> dict[Team, Observations]:
         """Step and observe, in one call."""

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from arena.game import observation_fields as of
 from arena.game.observation_fields import FieldSpec
+from arena.game.rules import can_enter, column_after, is_home, is_on_board, row_after
 from arena.game.ruleset import Ruleset
-from arena.game.types import FLAGS, HALVES, STEPS, UAVS, UGVS, Action, Code, Team
+from arena.game.types import FLAGS, UAVS, UGVS, Action, Code, Team
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -102,7 +103,7 @@ class Observation:
 
     def is_own_half(self, row: int, column: int) -> bool:
         """Whether a cell in sight lies on the own half."""
-        return self.ground[row, column] in (HALVES[self.team], FLAGS[self.team])
+        return bool(is_home(self.ground[row, column], self.team))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -238,10 +239,9 @@ def find_legal_actions(
     legal = np.zeros((*cell.shape, len(Action)), np.bool_)
     legal[..., Action.STAY] = True
     seats = np.arange(len(cell))[:, None]
-    for action, (rows, columns) in enumerate(STEPS[1:], start=1):
-        row, column = cell // side + rows, cell % side + columns
-        is_on_board = (row >= 0) & (row < side) & (column >= 0) & (column < side)
-        target = np.where(is_on_board, row * side + column, 0)
-        is_free = (ground[seats, target] != Code.OBSTACLE) | flies.astype(np.bool_)
-        legal[..., action] = alive.astype(np.bool_) & is_on_board & is_free
+    for action in tuple(Action)[1:]:
+        row, column = row_after(cell // side, action), column_after(cell % side, action)
+        is_there = is_on_board(row, column, side)
+        target = np.where(is_there, row * side + column, 0)
+        legal[..., action] = alive.astype(np.bool_) & is_there & can_enter(ground[seats, target], flies)
     return legal

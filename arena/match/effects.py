@@ -1,4 +1,4 @@
-"""What a match wants done, in this order: nothing of it is done by the match itself."""
+"""What a match wants done, in this order. The match itself does none of it."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ class Ask:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Publish:
-    """Tell everyone the public facts of the tick that begins."""
+    """Publish the public facts of the tick that begins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,4 +36,4 @@ class End:
     """`score` is blue's."""
 
 
-Event = Write | Ask | Publish | End
+Effect = Write | Ask | Publish | End

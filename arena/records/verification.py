@@ -1,7 +1,7 @@
 """What the pit and the entries put their names to in a journal, checked against the match as it is played again."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 from arena.errors import ForgedError
@@ -90,7 +90,7 @@ def compare(journal: Journal, transcript: Transcript) -> str:
             return f"at tick {tick} the journal has other orders than the seat gave"
     if len(transcript.ticks) > len(shown):
         return "the seat was shown more ticks than the journal has"
-    if told and journal.ending != replace(told, score=told.score if header.team is Team.BLUE else -told.score):
+    if told and journal.ending != told.seen_by(header.team):
         return "the journal ends otherwise than the seat was told"
     return ""
 
