@@ -9,6 +9,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable
+from itertools import cycle, islice
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -25,6 +26,7 @@ RULES = ("paper", "gym-cap")
 BATCHES = (1, 64, 1024, 4096)
 HEADLINE_BATCH = 64
 _TICKS_PER_CALL = 2048
+_N_KEYS = 4096
 
 
 def run(progress: Callable[[str], None]) -> dict[str, Any]:
@@ -69,13 +71,14 @@ def make_work(name: str, batch: int, seed: int = 0) -> Work:
     """Return work that plays random ticks of a batch of its own and returns how many."""
     chance = np.random.default_rng(seed)
     games = BatchedGame(load(name), batch)
+    keys = cycle([MatchKeys(map_key=chance.bytes(32), match_key=chance.bytes(32)) for _ in range(_N_KEYS)])
     orders = [chance.integers(0, 5, games.state.cell.shape, dtype=np.int8) for _ in range(16)]
     calls = max(1, _TICKS_PER_CALL // batch)
 
     def work() -> int:
         for call in range(calls):
             if len(over := np.flatnonzero(games.is_over)):
-                games.start(over, [MatchKeys(map_key=chance.bytes(32), match_key=chance.bytes(32)) for _ in over])
+                games.start(over, list(islice(keys, len(over))))
             games.observe()
             games.step(orders[call & 15])
         return calls * batch
@@ -88,7 +91,7 @@ def make_work(name: str, batch: int, seed: int = 0) -> Work:
 def _yardstick_work(folder: Path) -> Work:
     sys.path.append(str(folder))
     kernel = importlib.import_module("ctfkernel")
-    games = kernel.BatchedGame(HEADLINE_BATCH)
+    games = kernel.Games(HEADLINE_BATCH)
     orders = [np.random.default_rng(n).integers(0, 5, (HEADLINE_BATCH, 12), dtype=np.uint8) for n in range(16)]
     calls, flat_bits = _TICKS_PER_CALL // HEADLINE_BATCH, 5
 
