@@ -67,7 +67,7 @@ class _Slot:
     question: _Question | None = None
     n_unanswered: int = 0
     has_heard: bool = False
-    """Whether the referee was heard since the last `Clock`."""
+    """Whether the referee was heard since the last `TimePassed`."""
     heard_at_s: float = 0.0
     last_match: str = ""
     """The match that ended here last: a late ticket for it is of no use."""
@@ -118,11 +118,11 @@ class ClientCore:
         """
         self._effects = []
         match event:
-            case events.Delivered():
+            case events.MessageReceived():
                 self._on_delivery(self._slots[event.slot], event.payload, now_s)
-            case events.Clock():
+            case events.TimePassed():
                 self._on_clock(now_s)
-            case events.Replied():
+            case events.ReplyReceived():
                 self._on_reply(event.query, event.payload, now_s)
             case events.Woken():
                 self._ask_policies_again()
@@ -220,7 +220,7 @@ class ClientCore:
                 else:
                     is_answered = self._on_answer(slot, question.attempt, payload, now_s)
                 if not is_answered:
-                    slot.n_unanswered += 1  # asked again at the next `Clock`
+                    slot.n_unanswered += 1  # asked again at the next `TimePassed`
 
     def _on_challenge(self, slot: _Slot, limit_s: float, payload: bytes, now_s: float) -> bool:
         """Send the request, if the pit is the one that was meant; return whether a pit made the challenge."""

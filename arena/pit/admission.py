@@ -13,7 +13,7 @@ from typing import Protocol
 from arena.errors import ForgedError, ProtocolError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
-from arena.network.session import Question
+from arena.network.session import Query
 from arena.pit.authenticator import Authenticator
 from arena.pit.match_session import MatchSession
 from arena.pit.register import Register
@@ -45,7 +45,7 @@ class PendingRequest:
     """Somebody who knocked, and hears the answer."""
 
     caller: Caller
-    question: Question
+    question: Query
 
     def answer(self, message: Message) -> None:
         """Answer; nobody who gave no key to answer to is waited for."""
@@ -92,13 +92,13 @@ class Admission:
     def __init__(self, floor: Floor, door: Authenticator, register: Register, ruleset: Ruleset, seating: Seating) -> None:
         self._floor, self._door, self.register = floor, door, register
         self._ruleset, self._seating = ruleset, seating
-        self._knocks: deque[tuple[Question, bytes]] = deque()
+        self._knocks: deque[tuple[Query, bytes]] = deque()
         self.guests: dict[SeatId, QueuedClient] = {}
         self._served_at_s, self._saved_s = time.monotonic(), 0.0
         self.n_refused = 0
         """Requests that were not opened, or not signed by whom they name."""
 
-    def hear(self, question: Question) -> None:
+    def hear(self, question: Query) -> None:
         """Take a question; what costs nothing is answered at once."""
         try:
             message = decode(question.payload)
@@ -125,7 +125,7 @@ class Admission:
             self._open(*self._knocks.popleft())
             self._saved_s = max(self._saved_s - (time.monotonic() - begun_s), -_MOST_SAVED_S)
 
-    def _open(self, question: Question, payload: bytes) -> None:
+    def _open(self, question: Query, payload: bytes) -> None:
         try:
             caller = self._door.open(payload, time.monotonic())
         except ProtocolError as error:

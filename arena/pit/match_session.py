@@ -119,12 +119,12 @@ class MatchSession:
     def publish(self) -> None:
         """Tell everyone what everyone may know of the tick, and spectators with the key all of it."""
         tick = self.match.tick
-        if self._public.is_heard:
+        if self._public.has_subscribers:
             blue, red, score = self.match.facts
             names = [chair.name for chair in self.chairs.values()]
             facts = PublicState(tick=tick, names=names, living=[blue, red], score=score, commitment=self._commitment)
             self._public.put(encode(facts))
-        if self._truth_sealer and self._truth.is_heard:
+        if self._truth_sealer and self._truth.has_subscribers:
             board, seen = self.match.truth()
             sealed = self._truth_sealer.close(encode(Truth(tick=tick, board=board, seen=seen)), tick)
             self._truth.put(self._salt + sealed)

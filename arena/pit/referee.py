@@ -20,7 +20,7 @@ from arena.game.types import Team, Termination
 from arena.match.effects import Ask, End, Event, Publish, Write
 from arena.match.match import Match, SeatRecord
 from arena.match.time_control import TimeControl
-from arena.network.session import Question, Sample, read_key, read_payload
+from arena.network.session import Query, Sample, read_key, read_payload
 from arena.pit.admission import MOST_GUESTS, Admission
 from arena.pit.archive import MOST_KEPT, Archive
 from arena.pit.authenticator import Authenticator
@@ -84,7 +84,7 @@ class Referee:
         self.endings: OrderedDict[str, Signed] = OrderedDict()
         self._leaving: dict[str, tuple[MatchSession, float]] = {}
         """Matches that are over, and when they stop to wait for receipts."""
-        self._asked: dict[str, list[Question]] = {}
+        self._asked: dict[str, list[Query]] = {}
         """Questions for the journals of those."""
         self._present: set[str] = set()
         self._is_stopping = False
@@ -97,7 +97,7 @@ class Referee:
         session, pit = house.session, house.pit
         session.watch_presence(topics.all_presence(pit), self._enqueue(self._on_presence))
         self._actions = session.collect(topics.all_actions(pit), MOST_WAITING)
-        self._end_beat = session.beat(topics.beat(pit), _SWEEP_S)
+        self._end_heartbeat = session.heartbeat(topics.beat(pit), _SWEEP_S)
         session.answer(topics.join(pit), self._enqueue(self._reception.hear))
         session.answer(topics.lobby(pit), self._enqueue(self._on_lobby))
         session.answer(topics.all_journals(pit), self._enqueue(self._on_journal))
@@ -152,7 +152,7 @@ class Referee:
 
     def close(self) -> None:
         """Put every match down as it stands: a later referee can resume it."""
-        self._end_beat()
+        self._end_heartbeat()
         for match in list(self._leaving):
             self._part(match)
         for table in self.tables.values():
@@ -241,10 +241,10 @@ class Referee:
             if table.has_receipts:
                 self._part(table.id)
 
-    def _on_lobby(self, question: Question) -> None:
+    def _on_lobby(self, question: Query) -> None:
         question.answer(self._notice.read(time.monotonic()))
 
-    def _on_journal(self, question: Question) -> None:
+    def _on_journal(self, question: Query) -> None:
         match = topics.read_journal(question.key)
         if match in self._leaving and len(self._asked.setdefault(match, [])) < _MOST_ASKED:
             self._asked[match].append(question)  # it is whole in a moment

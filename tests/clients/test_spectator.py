@@ -50,7 +50,7 @@ class Audience:
 
     def broadcast(self, key: str) -> Any:
         put = self.said.setdefault(key.rpartition("/")[2], []).append
-        return SimpleNamespace(put=put, end=lambda: None, is_heard=True)
+        return SimpleNamespace(put=put, end=lambda: None, has_subscribers=True)
 
 
 class Show:

@@ -86,7 +86,7 @@ class Silence:
         return (lambda data: None), (lambda: None)
 
     def broadcast(self, key: str) -> Any:
-        return SimpleNamespace(put=lambda data: None, end=lambda: None, is_heard=False)
+        return SimpleNamespace(put=lambda data: None, end=lambda: None, has_subscribers=False)
 
 
 class Floor:
