@@ -95,7 +95,7 @@ class ClientCore:
         self.n_ended = 0
         """Matches that were played to their end."""
         self._connected_at_s: float | None = None
-        """When the first connection was opened."""
+        """When the last connection was opened."""
         self._lost_at_s: float | None = None
         """When the pit was last there; None until it has answered."""
         self._has_answered = False
@@ -127,7 +127,7 @@ class ClientCore:
             case events.Woken():
                 self._ask_policies_again()
             case events.Connected():
-                self._connected_at_s = now_s if self._connected_at_s is None else self._connected_at_s
+                self._connected_at_s = now_s
             case events.Disconnected():
                 self._on_disconnect(event.failure, now_s)
         return self._effects

@@ -441,6 +441,15 @@ def test_a_policy_that_needs_longer_is_asked_again(event: Event, monkeypatch: py
     assert both.heard[1:] == [orders(0)]
 
 
+def test_a_policy_is_not_asked_again_once_the_connection_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    both = seated(make=Thinker)
+    both.turn(0)
+    both.feed(Disconnected(LOST))
+
+    monkeypatch.setattr(Thinker, "is_done", True)
+    assert both.feed(Woken()) == []
+
+
 # Silence, and a pit that went away
 
 
@@ -544,6 +553,17 @@ def test_a_pit_that_is_away_is_looked_for_as_long_as_patience_lasts(both: Joined
         both.feed(Disconnected(LOST), 0.1)
 
 
+def test_every_connection_has_its_own_count_of_unanswered_questions(both: Joined) -> None:
+    for _ in range(2):
+        assert both.feed(Disconnected(LOST)) == [Waiting("for the pit to come back")]
+        assert len(both.connect()) == 1
+        for _ in range(MOST_UNANSWERED - 1):
+            both.reply(b"")
+            assert both.feed(TimePassed(), 0.0) != [Reconnect()]
+        both.reply(b"")
+        assert both.feed(TimePassed(), 0.0) == [Reconnect()]
+
+
 def test_patience_begins_anew_with_every_answer(both: Joined) -> None:
     for _ in range(3):
         both.feed(Disconnected(LOST), 8.0)
@@ -626,7 +646,7 @@ def test_a_match_that_ended_while_the_client_was_away_ends_by_the_answer_to_its_
 
     effects = both.answer(sign_statement(PIT, ENDED))
 
-    assert [type(effect) for effect in effects] == [Publish, MatchEnded, CloseSeat] if is_open else [MatchEnded]
+    assert [type(effect) for effect in effects] == ([Publish, MatchEnded, CloseSeat] if is_open else [MatchEnded])
     assert both.core.is_done
 
 
@@ -647,6 +667,19 @@ def test_the_answer_to_a_question_that_the_ending_overtook_is_of_no_use() -> Non
 
         assert isinstance(query, Query)
         assert both.core.n_ended == 1
+
+
+def test_a_slot_that_is_done_is_done_once() -> None:
+    both = Joined(n_slots=2, n_matches=2)
+    both.connect()
+    both.answer(ticket())
+    both.answer(ticket(NEXT))
+    both.feed(TimePassed(), SILENCE_S + 0.1)
+    both.deliver(sign_statement(PIT, ENDED))
+
+    both.answer(Closed(reason="all is played"))
+
+    assert not both.core.is_done, "the other slot still plays"
 
 
 def test_matches_follow_each_other_until_all_are_played() -> None:
