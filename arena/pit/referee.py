@@ -14,7 +14,7 @@ from arena.errors import UnreadableError
 from arena.game.ruleset import Ruleset
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
-from arena.network.session import Question, Sample, Session, read_key, read_payload
+from arena.network.session import Query, Sample, Session, read_key, read_payload
 from arena.pit.channels import MatchChannels
 from arena.pit.core import PitCore
 from arena.pit.effects import (
@@ -82,7 +82,7 @@ class Referee:
         self._register = register or Register()
         self._core = PitCore(context, ruleset, seating, time_control, self._register)
         self._inbox: SimpleQueue[Callable[[], Event]] = SimpleQueue()
-        self._questions: dict[QuestionId, Question] = {}
+        self._questions: dict[QuestionId, Query] = {}
         self._question_ids = count()
         self._channels: dict[str, MatchChannels] = {}
         self._is_stopping, self._has_failed = False, False
@@ -103,7 +103,7 @@ class Referee:
             lambda key, is_there: self._enqueue(lambda: PresenceChanged(topics.read_presence(key), is_there)),
         )
         self._actions = session.collect(topics.all_actions(pit), MOST_WAITING)
-        self._end_beat = session.beat(topics.beat(pit), _SWEEP_S)
+        self._end_heartbeat = session.heartbeat(topics.beat(pit), _SWEEP_S)
         session.answer(topics.join(pit), self._enqueue_question(lambda id, asked: JoinAsked(id, asked.payload)))
         session.answer(topics.lobby(pit), self._enqueue_question(lambda id, asked: LobbyAsked(id)))
         session.answer(
@@ -148,7 +148,7 @@ class Referee:
 
     def close(self) -> None:
         """Leave every match as it stands: a later referee can resume it."""
-        self._end_beat()
+        self._end_heartbeat()
         if not self._has_failed:  # else the core takes for done what was not
             self._hand_in(Stopped())
 
@@ -170,8 +170,8 @@ class Referee:
         else:
             self.n_dropped += 1
 
-    def _enqueue_question(self, make_event: Callable[[QuestionId, Question], Event]) -> Callable[[Question], None]:
-        def register(question: Question) -> Event:
+    def _enqueue_question(self, make_event: Callable[[QuestionId, Query], Event]) -> Callable[[Query], None]:
+        def register(question: Query) -> Event:
             id = next(self._question_ids)
             self._questions[id] = question
             return make_event(id, question)
