@@ -54,7 +54,7 @@ def to_markdown(report: Report) -> str:
     names = [row.name for row in standings.rows]
     lines = [f"# {_plain(report.league.name)}", "", *_table(*leaderboard(report)), ""]
     lines += [f"- {_plain(line)}" for line in summary(report)]
-    if standings.n_matches:
+    if standings.n_matches and standings.superiority:
         chances = [(one, *(_percent(standings.superiority.get((one, other))) for other in names)) for one in names]
         lines += ["", "## How likely the row is stronger than the column, in percent", "", *_table(("entry", *names), chances)]
     if standings.residuals:

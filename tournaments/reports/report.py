@@ -11,6 +11,7 @@ from typing import Any
 
 from tournaments.league.schedule import count_matches
 from tournaments.outcome import Outcome
+from tournaments.ratings.methods import DEFAULT, find_method
 from tournaments.ratings.rate import N_DRAWS
 from tournaments.ratings.sprt import PAIR_SCORES
 from tournaments.ratings.standings import Standing, Standings, stand
@@ -31,6 +32,7 @@ class Report:
 
     league: StoredLeague
     standings: Standings
+    rating_method: str = DEFAULT
     outcomes: tuple[Outcome, ...]
     n_planned: int
     secret: bytes | None
@@ -54,6 +56,7 @@ def make_report(
     *,
     n_draws: int = N_DRAWS,
     findings: Iterable[str] = (),
+    rating_method: str = DEFAULT,
 ) -> Report:
     """Return the report of a league; its secret is told only if no match is left to be played."""
     test = judge(league.facts, outcomes := tuple(outcomes))
@@ -61,7 +64,14 @@ def make_report(
     names = list(league.facts["entries"])
     report = Report(
         league=league,
-        standings=stand(names, counted, are_maps_fresh=league.facts.get("maps") == "fresh", n_draws=n_draws),
+        standings=stand(
+            names,
+            counted,
+            are_maps_fresh=league.facts.get("maps") == "fresh",
+            n_draws=n_draws,
+            method=find_method(rating_method),
+        ),
+        rating_method=rating_method,
         outcomes=counted,
         n_planned=count_matches(len(names), league.n_pairs, is_gauntlet="hero" in league.facts),
         secret=secret,
@@ -92,6 +102,7 @@ def to_facts(report: Report) -> dict[str, Any]:
             "ticks": standings.n_ticks,
             "endings": dict(standings.endings),
         },
+        **({} if report.rating_method == DEFAULT else {"rating_method": report.rating_method}),
         "standings": [row_facts(row) for row in standings.rows],
         "cross": {
             row.name: {
@@ -103,7 +114,7 @@ def to_facts(report: Report) -> dict[str, Any]:
         },
         "superiority": {
             row.name: {
-                other.name: rounded(standings.superiority[row.name, other.name], 4)
+                other.name: rounded(standings.superiority.get((row.name, other.name)), 4)
                 for other in standings.rows
                 if other.name != row.name
             }
@@ -246,10 +257,11 @@ def summary(report: Report) -> list[str]:
             f"blue won {side.blue_wins:,}, red won {side.red_wins:,}; blue's points less red's {side.bias:+.3f} a match "
             f"({side.bias_low:+.3f} to {side.bias_high:+.3f}): {verdict}"
         )
-        lines.append(
-            f"drawn {side.draws:,} ({side.draws / standings.n_matches:.1%}); "
-            f"two of equal strength would draw {standings.draw_rate:.1%} of their matches"
-        )
+        drawn = f"drawn {side.draws:,} ({side.draws / standings.n_matches:.1%})"
+        rate = standings.draw_rate
+        lines.append(drawn if rate is None else f"{drawn}; two of equal strength would draw {rate:.1%} of their matches")
+    if report.rating_method != DEFAULT:
+        lines.append(f"ratings by the method {report.rating_method}")
     if any(row.latency for row in standings.rows):
         lines.append(LATENCY_NOTE)
     lines += [f"test: {sentence}" for sentence in verdict_lines(report)]

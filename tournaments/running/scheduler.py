@@ -5,7 +5,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from arena.errors import ArenaError
 from arena.game.types import Termination
@@ -19,13 +18,10 @@ from tournaments.running.duel import judge, next_batch
 from tournaments.store.lock import lock_file
 from tournaments.store.store import Store, StoredLeague
 from tournaments.venues.recovery import set_aside
-
-if TYPE_CHECKING:
-    from tournaments.venues.venue import Setting
+from tournaments.venues.setting import Venue, VenueSetting
 
 MOST_ROUNDS = 3
 """Times that matches which the pit spoiled are played again."""
-Venue = Callable[["Setting", Sequence[MatchPlan]], Iterator[Outcome]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,10 +105,8 @@ class Scheduler:
         ArenaError
             Matches were void again and again: the pit spoils them, or the venue does not play them.
         """
-        from tournaments.venues.venue import Setting
-
         league = self._league
-        setting = Setting(
+        setting = VenueSetting(
             ruleset=league.ruleset, entries=league.entries, time_control=league.time_control, slots=league.slots,
             journals=self._folders.journals(league.name), keys=self._folders.keys / league.name,
             homes=self._folders.homes(league.name), limits=league.limits, remote=league.remote, listen=league.listen,

@@ -26,7 +26,8 @@ from tournaments.reports.page import MOST_LISTED, to_html
 from tournaments.reports.report import Report, make_report, to_facts
 from tournaments.running.scheduler import MOST_ROUNDS, Folders, Scheduler
 from tournaments.store.store import Store, StoreError
-from tournaments.venues.venue import Setting, play_local
+from tournaments.venues.local import play as play_local
+from tournaments.venues.setting import VenueSetting
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
 LEAGUE = 'pairs = 2\nseed = 1\nentries = ["rush", "patrol", "random"]\n[rules]\ntick_limit = 20'
@@ -36,7 +37,7 @@ def parse(toml: str = LEAGUE) -> League:
     return parse_league(toml, "friday", Path())
 
 
-def pretend(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+def pretend(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
     """End matches without playing them: the first name in the alphabet wins."""
     for plan in plans:
         seats = {team: SeatOutcome(faults={"late": 1}, latency_p50_s=0.001, latency_p99_s=0.002) for team in Team}
@@ -78,7 +79,7 @@ def test_what_is_stored_is_not_played_again(tmp_path: Path) -> None:
     run(tmp_path, pretend, n=7)
     asked = []
 
-    def watch(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+    def watch(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
         asked.append(len(plans))
         return pretend(setting, plans)
 
@@ -116,7 +117,7 @@ def test_an_edited_league_is_refused_and_nothing_is_lost(tmp_path: Path, edit: t
 def test_a_void_match_is_played_again_and_never_stored(tmp_path: Path) -> None:
     rounds: list[int] = []
 
-    def spoil(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+    def spoil(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
         rounds.append(len(plans))
         for number, outcome in enumerate(pretend(setting, plans)):
             is_spoiled = len(rounds) == 1 and number < 5
@@ -129,7 +130,7 @@ def test_a_void_match_is_played_again_and_never_stored(tmp_path: Path) -> None:
 
 
 def test_matches_that_stay_void_end_the_run_with_a_sentence(tmp_path: Path) -> None:
-    def spoil(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+    def spoil(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
         for outcome in pretend(setting, plans):
             yield changed(outcome, ending=Termination.VOID, winner=None)
 
