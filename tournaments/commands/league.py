@@ -220,7 +220,7 @@ def _report(name: str, league: "League | None", data: Path | None, db: str, form
     with Store(db or str(folders.data / "arena.db"), make=False) as store:
         row = store.get(name) if name else store.latest()
         outcomes = store.outcomes(row)
-    secret = None if league is None else recall_secret(league, folders.keys, row.facts["secret"])
+    secret = None if league is None else recall_secret(league, folders.keys, row.definition["secret"])
     report = make_report(row, outcomes, secret, rating_method=ratings or DEFAULT)
     _show(report, form, out, folders.journals(row.name))
 

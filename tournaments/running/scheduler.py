@@ -74,10 +74,10 @@ class Scheduler:
         before = store.find(league.name)
         n_results = 0 if before is None else store.count(before)
         self.secret = find_secret(league, self._folders.keys, may_make=n_results == 0)
-        facts = {**league.facts, "secret": commit_to(self.secret)}
-        if n_results == 0 and (before is None or find_edit(before.facts, facts) is not None):
+        definition = {**league.definition, "secret": commit_to(self.secret)}
+        if n_results == 0 and (before is None or find_edit(before.definition, definition) is not None):
             set_aside(self._folders.journals(league.name))
-        self.row: StoredLeague = store.enter(league.name, facts, league.n_pairs)
+        self.row: StoredLeague = store.enter(league.name, definition, league.n_pairs)
         self._plans = plan_league(league, self.secret)
         self._done = store.identities(self.row)
         self.n_matches = len(self._plans)
@@ -118,7 +118,7 @@ class Scheduler:
 
     def _next(self) -> list[MatchPlan]:
         """Return what is to be played next: all that is left, or of a test so much that it can be looked at again."""
-        duel = judge(self.row.facts, self._store.outcomes(self.row)) if self._league.sprt is not None else None
+        duel = judge(self.row.definition, self._store.outcomes(self.row)) if self._league.sprt is not None else None
         if duel is None:
             return [plan for plan in self._plans if plan.identity not in self._done]
         return [] if duel.is_decided else next_batch(self._plans, self._done)

@@ -29,7 +29,7 @@ from tournaments.venues.setting import VenueSetting
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
 BOUNDS = {"elo0": 0.0, "elo1": 100.0, "alpha": 0.05, "beta": 0.05}
-FACTS = {"hero": "rush", "entries": {"patrol": "patrol", "rush": "rush"}, "sprt": BOUNDS}
+FACTS = {"challenger": "rush", "entries": {"patrol": "patrol", "rush": "rush"}, "sprt": BOUNDS}
 POINTS = (0.0, 0.5, 1.0)
 
 
