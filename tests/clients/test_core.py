@@ -38,7 +38,7 @@ from arena.protocol.messages import (
     Turn,
     Wait,
 )
-from arena.protocol.observation_codec import Reader, pack
+from arena.protocol.observation_codec import ObservationReader, ObservationWriter
 from arena.protocol.sealing import Opener, Sealer
 from arena.protocol.signed import check_receipt, commit, sign_statement
 from arena.records.transcript import Head
@@ -79,9 +79,9 @@ TICK_S = 0.25
 
 
 def observation(tick: int) -> bytes:
-    blank = Reader(RULES, Team.RED).blank()
+    blank = ObservationReader(RULES, Team.RED).blank()
     blank.tick[:] = tick
-    return pack(blank, 0)
+    return ObservationWriter(blank, 0).write()
 
 
 class Counter(BatchPolicy):
