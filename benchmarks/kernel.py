@@ -84,7 +84,7 @@ def make_work(name: str, batch: int, seed: int = 0) -> Work:
 def _yardstick_work(folder: Path) -> Work:
     sys.path.append(str(folder))
     kernel = importlib.import_module("ctfkernel")
-    games = kernel.BatchedGame(HEADLINE_BATCH)
+    games = kernel.Games(HEADLINE_BATCH)
     orders = [np.random.default_rng(n).integers(0, 5, (HEADLINE_BATCH, 12), dtype=np.uint8) for n in range(16)]
     calls, flat_bits = _TICKS_PER_CALL // HEADLINE_BATCH, 5
 

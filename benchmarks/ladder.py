@@ -22,16 +22,16 @@ from arena.local.venue import play
 from arena.match.time_control import TimeControl
 from arena.network.address import Address
 from arena.network.session import free_port
+from arena.pit.effects import MatchEnded
 from arena.pit.ladder import Ladder, LadderMatch, Waiting
 from arena.pit.pit import Pit, PitSettings
-from arena.pit.referee import Played
 from arena.pit.register import Register
 from arena.protocol.identity import Identity
 from arena.records.journal import load_journal
 from arena.records.replay import BrokenChainError
 from arena.records.verification import check_seals
 from benchmarks.measuring.load_generator import Crowd
-from clients.precompile import warm
+from clients.precompile import precompile
 from policies.registry import load
 from tournaments.fixture import plan_fixture, tally
 from tournaments.ladder.ladder import open_ladder
@@ -141,15 +141,15 @@ def _serve(progress: Progress, settings: PitSettings, ladder: _Watched, crowd: C
 
     clock = Thread(target=keep_time, name="clock")
 
-    def on_end(played: Played) -> None:
-        endings.update([played.result.ending])
+    def on_end(ended: MatchEnded) -> None:
+        endings.update([ended.result.ending])
         if not has_begun.is_set():  # the time runs from here: to start so many processes takes long
             has_begun.set()
             crowd.stir()
 
     progress("kernels")
     for policy in set(crowd.entries.values()):
-        warm(load(policy))  # here, and not in twenty processes at once
+        precompile(load(policy))  # here, and not in twenty processes at once
     progress(f"{len(crowd.entries)} entries come")
     clock.start()
     with crowd:

@@ -25,15 +25,16 @@ from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team
 from arena.match.time_control import TimeControl
 from arena.network.session import free_port, open_router
+from arena.pit.effects import MatchEnded
 from arena.pit.match_session import PitContext
-from arena.pit.referee import Played, Referee
+from arena.pit.referee import Referee
 from arena.pit.seating import PlannedSeating
 from arena.policy import BatchPolicy, Orders
 from arena.protocol.identity import Identity
 from arena.protocol.sealing import Opener, Sealer
 from arena.records.plan import MatchPlan
 from clients.runner import Runner
-from clients.settings import Settings
+from clients.settings import ClientSettings
 
 SIZES = ((1, 1), (8, 8), (64, 16))
 """Matches at once, and seats that a client process holds."""
@@ -89,12 +90,12 @@ def _measure(n_matches: int, seats_per_process: int) -> dict[str, float]:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     plans = [_plan(number) for number in range(n_matches)]
     warm(ruleset)
-    context = multiprocessing.get_context("spawn")
+    spawn = multiprocessing.get_context("spawn")
     n_processes = 2 * n_matches // seats_per_process
     with tempfile.TemporaryDirectory() as folder, open_router(endpoint, "bench") as session:
-        house = PitContext(session=session, pit="bench", identity=Identity.make())
-        referee = Referee(house, ruleset, PlannedSeating(plans), TimeControl(turn_time_s=60.0), Path(folder), on_end=_object)
-        clients = [context.Process(target=_play, args=(endpoint, seats_per_process), daemon=True) for _ in range(n_processes)]
+        context, time_control = PitContext(pit="bench", identity=Identity.make()), TimeControl(turn_time_s=60.0)
+        referee = Referee(session, context, ruleset, PlannedSeating(plans), time_control, Path(folder), on_end=_object)
+        clients = [spawn.Process(target=_play, args=(endpoint, seats_per_process), daemon=True) for _ in range(n_processes)]
         for client in clients:
             client.start()
         try:
@@ -121,8 +122,8 @@ def _measure(n_matches: int, seats_per_process: int) -> dict[str, float]:
     }
 
 
-def _object(played: Played) -> None:
-    raise ArenaError(f"the benchmark's match {played.header.identity} ended: {played.result.reason}")
+def _object(ended: MatchEnded) -> None:
+    raise ArenaError(f"the benchmark's match {ended.header.identity} ended: {ended.result.reason}")
 
 
 def _ticks(referee: Referee) -> list[int]:
@@ -144,7 +145,9 @@ def _plan(number: int) -> MatchPlan:
 def _play(endpoint: str, n_slots: int) -> None:
     """Hold seats until killed; in a process of its own."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    settings = Settings(endpoint=endpoint, pit="bench", name=_NAME, team="any", make=_constant, n_matches=None, n_slots=n_slots)
+    settings = ClientSettings(
+        endpoint=endpoint, pit="bench", name=_NAME, team="any", make=_constant, n_matches=None, n_slots=n_slots
+    )
     Runner(settings, on_seat=lambda _: None, on_end=lambda _: None, on_wait=lambda _: None).run()
 
 

@@ -1,19 +1,20 @@
-"""The operator's word to a running pit, under the pit's own key."""
+"""The operator's commands to a running pit, signed with the pit's own key."""
 
 from pathlib import Path
 
 from arena.errors import KeyFileError, RefusedError
 from arena.network.address import Address
+from arena.network.asking import ask
 from arena.network.session import open_client
 from arena.protocol import topics
 from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity, to_text
 from arena.protocol.messages import AdminRequest, Done, Refusal
-from clients.lobby import ask, ask_challenge
+from clients.lobby import ask_challenge
 
 
-def command(address: Address, authority: Path | None, identity: Identity, name: str, target: str) -> str:
-    """Have the pit do something, and return what it did.
+def send_command(address: Address, authority: Path | None, identity: Identity, name: str, target: str) -> str:
+    """Have the pit carry out a command, and return what it did.
 
     Raises
     ------

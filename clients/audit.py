@@ -3,69 +3,50 @@
 Without the rules: whoever wants every tick played again asks `arena replay verify --transcript`.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
-
-from arena.errors import JournalError, ProtocolError
-from arena.network.session import Session
-from arena.protocol import topics
+from arena.errors import JournalError, LostPitError, ProtocolError, RefusedError, UnreadableError
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import JournalPiece, JournalRequest, Refusal, Wait
 from arena.protocol.signed import check_journal, commit
 from arena.records.journal import match_id, read_journal
 from clients.seat import Seat
 
-_ANSWER_S = 4.0
 _MOST_BYTES = 1 << 24
 Verdict = tuple[bool | None, str]
 """Whether the journal holds, None if it could not be had; and a sentence."""
-Defer = Callable[[Callable[[bytes], None]], Callable[[bytes], None]]
 
 
-def fetch(session: Session, pit: str, seat: Seat, pit_key: bytes, defer: Defer, on_end: Callable[[Verdict], None]) -> None:
-    """Ask for the journal of a seat's match, and pass on what was found; `defer` moves an answer to the caller's thread."""
-    fetch_journal(
-        session,
-        pit,
-        seat.ticket.match,
-        defer,
-        on_whole=lambda data: on_end(audit(seat, data, pit_key)),
-        on_none=lambda sentence: on_end((None, sentence)),
-    )
+class JournalDownload:
+    """A match's journal, which a pit gives out piece by piece. Without I/O."""
 
+    def __init__(self) -> None:
+        self._known = b""
 
-def fetch_journal(
-    session: Session,
-    pit: str,
-    match: str,
-    defer: Defer,
-    *,
-    on_whole: Callable[[bytes], None],
-    on_none: Callable[[str], None],
-) -> None:
-    """Ask for a match's journal, piece by piece, and pass on its bytes, or a sentence on why it cannot be had."""
+    def request(self) -> bytes:
+        """Return what asks for the next piece."""
+        return encode(JournalRequest(offset=len(self._known)))
 
-    def ask(known: bytes) -> None:
-        key = topics.journal(pit, match)
-        session.ask(key, encode(JournalRequest(offset=len(known))), defer(partial(hear, known)), _ANSWER_S)
+    def receive(self, payload: bytes) -> bytes | None:
+        """Take the answer to a request, and return the whole journal, or None if there is more to ask for.
 
-    def hear(known: bytes, payload: bytes) -> None:
+        Raises
+        ------
+        RefusedError
+            The pit does not show the journal, or not yet.
+        LostPitError
+            Nobody answered, or it was no piece of a journal.
+        UnreadableError
+            The answer is no message.
+        """
         try:
             message = decode(payload) if payload else None
         except ProtocolError as error:
-            on_none(f"the journal cannot be had: {error}")
-            return
+            raise UnreadableError(f"the journal cannot be had: {error}") from error
         if isinstance(message, Refusal | Wait):
-            on_none(f"the journal is not to be seen {message.reason}")
-        elif not isinstance(message, JournalPiece) or message.n_bytes > _MOST_BYTES or not message.data:
-            on_none("the journal cannot be had: the pit is gone")
-        elif len(known) + len(message.data) < message.n_bytes:
-            ask(known + message.data)
-        else:
-            on_whole(known + message.data)
-
-    ask(b"")
+            raise RefusedError(f"the journal is not to be seen {message.reason}")
+        if not isinstance(message, JournalPiece) or message.n_bytes > _MOST_BYTES or not message.data:
+            raise LostPitError("the journal cannot be had: the pit is gone")
+        self._known += message.data
+        return self._known if len(self._known) >= message.n_bytes else None
 
 
 def audit(seat: Seat, data: bytes, pit_key: bytes) -> Verdict:
@@ -91,6 +72,6 @@ def audit(seat: Seat, data: bytes, pit_key: bytes) -> Verdict:
             return False, f"at tick {tick} the journal has other orders than this seat gave"
     if len(seat.answers) > len(journal.ticks) + 1:
         return False, "the journal lacks ticks that this seat played"
-    if seat.ended and journal.ending != replace(seat.result(), score=seat.ended.score):
+    if seat.ended and journal.ending != seat.result().seen_by(seat.team):
         return False, "the journal ends otherwise than the pit told this seat"
     return True, "the journal is of this match, under the keys that the pit committed itself to"

@@ -3,12 +3,13 @@
 The file `known_pits` has a line for each, `HOST:PORT/PIT PUBLICKEY`; empty lines and those that begin with # are left alone.
 """
 
-import fcntl
 import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from filelock import FileLock
 
 from arena.errors import InputError, KeyFileError, UnknownNameError
 from arena.keyring.files import draft, make_folder
@@ -144,11 +145,8 @@ def _locked() -> Iterator[None]:
     path = _path().with_suffix(".lock")
     try:
         make_folder(path.parent)
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        lock = FileLock(path, mode=0o600).acquire()
     except OSError as error:
         raise KeyFileError(f"cannot lock the known pits by {path}: {error.strerror}; mend its folder") from error
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    with lock:
         yield
-    finally:
-        os.close(descriptor)

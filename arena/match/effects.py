@@ -1,4 +1,4 @@
-"""What a match wants done, in this order: nothing of it is done by the match itself."""
+"""What a match wants done, in this order. The match itself does none of it."""
 
 from dataclasses import dataclass
 
@@ -20,12 +20,12 @@ class Ask:
     team: Team
     tick: int
     observation: bytes
-    """As `arena.protocol.observation_codec.pack` gives it."""
+    """As `arena.protocol.observation_codec.ObservationWriter` writes it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Publish:
-    """Tell everyone the public facts of the tick that begins."""
+    """Publish the public facts of the tick that begins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,4 +36,4 @@ class End:
     """`score` is blue's."""
 
 
-Event = Write | Ask | Publish | End
+Effect = Write | Ask | Publish | End

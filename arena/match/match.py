@@ -1,7 +1,7 @@
-"""One match as a state machine without I/O: orders and the time go in, events come out.
+"""One match as a state machine without I/O: orders and the time go in, effects come out.
 
-Nothing here knows of a network, a file or a clock; `now_s` is whatever the caller's clock says. The events of a call are to be
-carried out in their order, which puts each tick into the journal before anybody hears of the next.
+Nothing here knows of a network, a file or a clock; `now_s` is whatever the caller's clock reads. The caller carries the effects
+of a call out in their order, which puts each tick into the journal before anything is sent of the next.
 """
 
 from collections.abc import Iterable
@@ -14,10 +14,10 @@ from arena.errors import JournalError
 from arena.game.engine import BatchedGame
 from arena.game.state import StateField
 from arena.game.types import Action, Team, Termination
-from arena.match.effects import Ask, End, Event, Publish, Write
+from arena.match.effects import Ask, Effect, End, Publish, Write
 from arena.match.time_control import TimeControl
 from arena.policy import MatchResult
-from arena.protocol.observation_codec import Writer
+from arena.protocol.observation_codec import ObservationWriter
 from arena.records.journal import CHAIN_BYTES, Header, Journal, Mark, write_ending, write_start, write_tick
 from arena.records.replay import match_result
 
@@ -67,7 +67,7 @@ class _Seat:
 
     team: Team
     n_units: int
-    sight: Writer
+    sight: ObservationWriter
     bank_s: float
     grace_s: float
     answer: bytes
@@ -99,7 +99,7 @@ class Match:
             team: _Seat(
                 team=team,
                 n_units=n_units[team],
-                sight=Writer(seen, 0),
+                sight=ObservationWriter(seen, 0),
                 bank_s=time_control.bank_s,
                 grace_s=time_control.grace_s,
                 answer=_STAY * n_units[team],
@@ -149,15 +149,15 @@ class Match:
         """Return what was counted of a seat."""
         return self._seats[team].record
 
-    def recover(self, journal: Journal) -> list[Event]:
-        """Play the ticks that a journal holds, and count what was ruled in them; before anybody is ready.
+    def recover(self, journal: Journal) -> list[Effect]:
+        """Play the ticks that a journal holds, and count what was ruled in them; called before any seat is ready.
 
         No time is charged for them: the pit was away, not the seats.
 
         Raises
         ------
         JournalError
-            A state differs from what the journal says.
+            A state differs from the journal's.
         """
         if self._chain != journal.start_chain:
             raise JournalError("the journal was changed: its board is another")
@@ -171,8 +171,8 @@ class Match:
                 raise JournalError(f"the journal was changed: at tick {number} its orders or its state are others")
         return self._end(match_result(self._games, 0)) if self._games.has_ended(0) else []
 
-    def ready(self, team: Team, now_s: float) -> list[Event]:
-        """A seat listens: at first, or after it was away. It is asked at once if the match waits for it."""
+    def ready(self, team: Team, now_s: float) -> list[Effect]:
+        """A seat is ready: at first, or after it was away. It is asked at once if the match waits for it."""
         seat = self._seats[team]
         if self.phase is Phase.OVER:
             return []
@@ -187,7 +187,7 @@ class Match:
             return self._ask_all(now_s)
         return [] if seat.has_answered else [self._ask(seat)]
 
-    def leave(self, team: Team, now_s: float) -> list[Event]:
+    def leave(self, team: Team, now_s: float) -> list[Effect]:
         """A seat has vanished; its clock stops, and its grace runs."""
         seat = self._seats[team]
         if self.phase is not Phase.OVER and seat.away_since_s is None:
@@ -196,13 +196,13 @@ class Match:
             seat.record.vanished += 1
         return []
 
-    def submit(self, team: Team, tick: int, actions: bytes, now_s: float) -> list[Event]:
+    def submit(self, team: Team, tick: int, actions: bytes, now_s: float) -> list[Effect]:
         """Take a seat's orders; the first readable message of a tick counts, and what it lacks means to stay."""
         seat = self._seats[team]
         if self.phase is not Phase.PLAYING or tick != self.tick or seat.has_answered:
             seat.record.stale += 1
             return []
-        self._welcome(seat, now_s)  # it was said to be gone, and is not
+        self._welcome(seat, now_s)  # it was reported gone, and is not
         n_units = seat.n_units
         seat.answer = actions[:n_units].translate(_EFFECT).ljust(n_units, _STAY)
         if seat.answer != actions:
@@ -219,7 +219,7 @@ class Match:
         """Count a message that another sealed."""
         self._seats[team].record.forged += 1
 
-    def advance(self, now_s: float) -> list[Event]:
+    def advance(self, now_s: float) -> list[Effect]:
         """Let time pass: rule on seats that are late, or away for too long."""
         if self.phase is Phase.OVER:
             return []
@@ -243,11 +243,11 @@ class Match:
             return self._forfeit(idle, f"missed {self.time_control.most_missed} turns in a row")
         return self._turn(now_s) if self._is_complete() else []
 
-    def forfeit(self, team: Team, why: str) -> list[Event]:
+    def forfeit(self, team: Team, why: str) -> list[Effect]:
         """End the match against a seat."""
         return [] if self.phase is Phase.OVER else self._forfeit([team], why)
 
-    def void(self, reason: str) -> list[Event]:
+    def void(self, reason: str) -> list[Effect]:
         """End the match by a fault of the pit's own."""
         return self._end(MatchResult(ending=Termination.VOID, winner=None, score=0, ticks=self.tick, reason=reason))
 
@@ -274,7 +274,7 @@ class Match:
         if self.time_control.turn_time_s is not None:
             seat.bank_s = max(seat.bank_s - max(took_s - self.time_control.turn_time_s, 0.0), 0.0)
 
-    def _turn(self, now_s: float) -> list[Event]:
+    def _turn(self, now_s: float) -> list[Effect]:
         """Play the tick that both have answered, and ask for the next."""
         write = Write(data=self._play_tick())
         if self._games.has_ended(0):
@@ -301,25 +301,25 @@ class Match:
         return record
 
     def _show(self) -> None:
-        """Lay up what each seat is to see of the tick that begins."""
+        """Write what each seat is to see of the tick that begins."""
         for seat in self._seats.values():
             if self.time_control.turn_time_s is not None:
                 seat.sight.set_clock(seat.bank_s)
             seat.shown.append(seat.sight.write())
 
-    def _ask_all(self, now_s: float) -> list[Event]:
-        events: list[Event] = []
+    def _ask_all(self, now_s: float) -> list[Effect]:
+        effects: list[Effect] = []
         for seat in self._seats.values():
             seat.has_answered, seat.asked_at_s = False, now_s
             if seat.away_since_s is None:
-                events.append(self._ask(seat))
-        events.append(Publish())
-        return events
+                effects.append(self._ask(seat))
+        effects.append(Publish())
+        return effects
 
     def _ask(self, seat: _Seat) -> Ask:
         return Ask(team=seat.team, tick=len(self._past), observation=seat.shown[-1])
 
-    def _forfeit(self, losers: Iterable[Team], why: str) -> list[Event]:
+    def _forfeit(self, losers: Iterable[Team], why: str) -> list[Effect]:
         teams = list(losers)
         winner = teams[0].other if len(teams) == 1 else None
         score = 0 if winner is None else WIN if winner is Team.BLUE else -WIN
@@ -328,7 +328,7 @@ class Match:
             MatchResult(ending=Termination.FORFEIT, winner=winner, score=score, ticks=self.tick, reason=f"{names} {why}")
         )
 
-    def _end(self, result: MatchResult) -> list[Event]:
+    def _end(self, result: MatchResult) -> list[Effect]:
         self.phase, self.result = Phase.OVER, result
         record = write_ending(self._chain, result)
         self.head = record[-CHAIN_BYTES:]

@@ -1,50 +1,66 @@
-"""The journals of matches that are over, for whoever asks, once they may be seen."""
+"""The journals of matches that are over, for whoever asks, once they may be seen. Without I/O."""
 
 from collections import OrderedDict
 from collections.abc import Callable
-from pathlib import Path
 
 from arena.errors import ProtocolError
+from arena.pit.effects import Effect, Reply, ReplyWithJournal
+from arena.pit.events import JournalAsked
 from arena.protocol.codec import decode, encode
-from arena.protocol.messages import JournalPiece, JournalRequest, Refusal, Wait
+from arena.protocol.messages import JournalRequest, Message, Refusal, Wait
 from arena.records.journal import Header, journal_name
 
-PIECE_BYTES = 50_000
 MOST_KEPT = 10_000
 """Matches that are remembered; the journals of older ones are on the disk alone."""
+_MOST_ASKED = 16
+"""Questions for one journal that wait until it is whole."""
 
 
 class Archive:
-    """Answers questions about journals."""
+    """Answers questions about journals.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._files: OrderedDict[str, tuple[Path, Callable[[], bool]]] = OrderedDict()
+    Parameters
+    ----------
+    is_fixture_over
+        Whether all matches of two entries, by name, are over.
+    """
 
-    def add(self, match: str, header: Header, is_open: Callable[[], bool]) -> None:
-        """Keep a journal that is whole; `is_open` says whether it may be seen."""
-        self._files[match] = self._folder / journal_name(header.identity), is_open
-        if len(self._files) > MOST_KEPT:
-            self._files.popitem(last=False)
+    def __init__(self, is_fixture_over: Callable[[set[str]], bool]) -> None:
+        self._is_fixture_over = is_fixture_over
+        self._headers: OrderedDict[str, Header] = OrderedDict()
+        self._asked: dict[str, list[JournalAsked]] = {}
+        """By match whose journal will be whole in a moment."""
 
-    def answer(self, match: str, payload: bytes) -> bytes:
-        """Return the piece that is asked for, or why not."""
+    def expect(self, match: str) -> None:
+        """Let those who ask for a journal wait until it is added."""
+        self._asked[match] = []
+
+    def add(self, match: str, header: Header) -> list[Effect]:
+        """Keep a journal that is whole, and answer those who wait for it."""
+        self._headers[match] = header
+        if len(self._headers) > MOST_KEPT:
+            self._headers.popitem(last=False)
+        return [effect for asked in self._asked.pop(match, []) for effect in self.answer(asked)]
+
+    def answer(self, asked: JournalAsked) -> list[Effect]:
+        """Answer with the piece that is asked for, or why not."""
+        waiting = self._asked.get(asked.match)
+        if waiting is not None and len(waiting) < _MOST_ASKED:
+            waiting.append(asked)
+            return []
         try:
-            request = decode(payload)
+            request = decode(asked.payload)
         except ProtocolError as error:
-            return encode(Refusal(reason=f"the request cannot be read: {error}"))
+            return _reply(asked, Refusal(reason=f"the request cannot be read: {error}"))
         if not isinstance(request, JournalRequest) or request.offset < 0:
-            return encode(Refusal(reason="this is no request for a journal"))
-        if match not in self._files:
-            return encode(Refusal(reason=f"there is no journal of a match {match}, or the match is not over"))
-        path, is_open = self._files[match]
-        if not is_open():
-            return encode(Wait(reason="until the last match of these two is over"))
-        try:
-            with path.open("rb") as file:
-                n_bytes = file.seek(0, 2)
-                file.seek(min(request.offset, n_bytes))
-                data = file.read(PIECE_BYTES)
-        except OSError as error:
-            return encode(Refusal(reason=f"the journal cannot be read: {error.strerror}"))
-        return encode(JournalPiece(n_bytes=n_bytes, offset=request.offset, data=data))
+            return _reply(asked, Refusal(reason="this is no request for a journal"))
+        header = self._headers.get(asked.match)
+        if header is None:
+            return _reply(asked, Refusal(reason=f"there is no journal of a match {asked.match}, or the match is not over"))
+        if not self._is_fixture_over({header.blue, header.red}):
+            return _reply(asked, Wait(reason="until the last match of these two is over"))
+        return [ReplyWithJournal(asked.question, journal_name(header.identity), request.offset)]
+
+
+def _reply(asked: JournalAsked, message: Message) -> list[Effect]:
+    return [Reply(asked.question, encode(message))]

@@ -1,4 +1,4 @@
-"""The pit's door: who knocks, whether it is they, and whether they knock for the first time. Without I/O."""
+"""Who sends a request: whether it is signed by whom it names, recent, and sent for the first time. Without I/O."""
 
 from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey
 
@@ -38,12 +38,12 @@ class Authenticator:
         self._challenge = encode(sign_challenge(self.pit, self.identity, self._sealing_key, number))
 
     def open(self, payload: bytes, now_s: float) -> Caller:
-        """Return who knocks, once for each request.
+        """Return who sends a request, once for each request.
 
         Raises
         ------
         ProtocolError
-            Nobody who may: see `open_knock`; or the request was made too long ago, or was seen before.
+            The request does not open, see `open_knock`; or it was made too long ago, or was seen before.
         """
         self.challenge(now_s)
         caller = open_knock(payload, self.pit, self.identity.public, self._private)

@@ -1,4 +1,4 @@
-"""A ladder, as a pit needs one, and who sits where on it. Whoever opens the pit hands over what fills this port.
+"""A ladder, as a pit needs one, and who plays whom on it. Whoever opens the pit hands over what fills this port.
 
 On a ladder whoever waits meets whom the ladder chooses, on a map of their own, and each result moves two ratings. An entry is its
 public key here: a name can be given back.
@@ -14,11 +14,12 @@ from typing import Any, Protocol
 
 from arena.errors import JournalError
 from arena.game.types import Team
-from arena.pit.seating import Pairing, SeatId, Seating
+from arena.pit.seating import Pairing, Seating
+from arena.pit.seats import SlotId
 from arena.policy import MatchResult
 from arena.protocol.messages import Closed, JoinRequest, Refusal, Wait
-from arena.records.journal import journal_name, load_journal
-from arena.records.plan import MatchPlan
+from arena.records.journal import identity_of, journal_name, load_journal
+from arena.records.plan import MatchPlan, PitMatchId
 from arena.records.replay import BrokenChainError, verify
 
 logger = logging.getLogger(__name__)
@@ -72,12 +73,10 @@ OpenLadder = Callable[[str, str, str], AbstractContextManager[Ladder]]
 class LadderSeating(Seating):
     """Whoever comes, against whom the ladder chooses."""
 
-    def __init__(
-        self, ladder: Ladder, make_plan: Callable[[str, str], MatchPlan], n_matches: int | None, clock: Callable[[], float]
-    ) -> None:
-        self._ladder, self._make_plan, self._left, self._clock = ladder, make_plan, n_matches, clock
-        self._waiting: dict[bytes, dict[SeatId, tuple[str, float]]] = {}
-        """By entry, the one that is to be looked at next first: the name and the beginning of each seat's wait."""
+    def __init__(self, ladder: Ladder, make_plan: Callable[[str, str], MatchPlan], n_matches: int | None) -> None:
+        self._ladder, self._make_plan, self._left = ladder, make_plan, n_matches
+        self._waiting: dict[bytes, dict[SlotId, tuple[str, float]]] = {}
+        """By entry, the one that is to be looked at next first: the name and the beginning of each slot's wait."""
 
     @property
     def is_done(self) -> bool:
@@ -96,13 +95,13 @@ class LadderSeating(Seating):
         """Return who leads."""
         return self._ladder.standings()
 
-    def place(self, seat: SeatId, request: JoinRequest) -> Wait | Refusal | Closed:
+    def place(self, slot: SlotId, request: JoinRequest, now_s: float) -> Wait | Refusal | Closed:
         """Have a client wait; `pair_up` begins its match."""
         if self.is_done:
             return Closed(reason="the pit begins no more matches")
         if request.team != "any":
             return Refusal(reason="on a ladder the pit gives out the teams; join with --team any")
-        self._waiting.setdefault(request.entry, {}).setdefault(seat, (request.name, self._clock()))
+        self._waiting.setdefault(request.entry, {}).setdefault(slot, (request.name, now_s))
         return Wait(reason="for an opponent")
 
     def pair_up(self, now_s: float) -> Pairing | None:
@@ -110,8 +109,8 @@ class LadderSeating(Seating):
         if self.is_done or len(self._waiting) < len(Team):
             return None
         waiting = [
-            Waiting(entry=entry, since_s=next(iter(seats.values()))[1])
-            for entry, seats in islice(self._waiting.items(), MOST_CONSIDERED)
+            Waiting(entry=entry, since_s=next(iter(slots.values()))[1])
+            for entry, slots in islice(self._waiting.items(), MOST_CONSIDERED)
         ]
         chosen = self._ladder.choose(waiting, now_s)
         if chosen is None:
@@ -121,26 +120,30 @@ class LadderSeating(Seating):
         (blue, blue_name), (red, red_name) = (self._take(one.entry) for one in chosen)
         return Pairing(self._make_plan(blue_name, red_name), {Team.BLUE: blue, Team.RED: red})
 
-    def _take(self, entry: bytes) -> tuple[SeatId, str]:
-        """Take the seat of an entry that has waited longest; its other seats line up behind the other entries."""
-        seats = self._waiting.pop(entry)
-        seat = next(iter(seats))
-        name, _ = seats.pop(seat)
-        if seats:
-            self._waiting[entry] = seats
-        return seat, name
+    def _take(self, entry: bytes) -> tuple[SlotId, str]:
+        """Take the slot of an entry that has waited longest; its other slots line up behind the other entries."""
+        slots = self._waiting.pop(entry)
+        slot = next(iter(slots))
+        name, _ = slots.pop(slot)
+        if slots:
+            self._waiting[entry] = slots
+        return slot, name
 
-    def forget(self, seat: SeatId) -> None:
-        """Take a seat off the list."""
-        seats = self._waiting.get(seat.entry, {})
-        seats.pop(seat, None)
-        if not seats:
-            self._waiting.pop(seat.entry, None)
+    def forget(self, slot: SlotId) -> None:
+        """Take a slot off the list."""
+        slots = self._waiting.get(slot.entry, {})
+        slots.pop(slot, None)
+        if not slots:
+            self._waiting.pop(slot.entry, None)
 
 
-def ladder_prefix(pit: str) -> str:
-    """Return what the identity of a pit's every ladder match begins with, and that of no other match."""
-    return f"{pit}/ladder/"
+def is_of_ladder(identity: str, pit: str) -> bool:
+    """Whether a match is of a pit's ladder."""
+    try:
+        match = PitMatchId.parse(identity)
+    except ValueError:
+        return False
+    return match.is_rated and match.pit == pit
 
 
 def find_uncounted(journals: Path, pit: str, counted: Collection[str]) -> Iterator[LadderMatch]:
@@ -149,8 +152,8 @@ def find_uncounted(journals: Path, pit: str, counted: Collection[str]) -> Iterat
     Each is played again first: what is counted holds.
     """
     names = {journal_name(identity) for identity in counted}
-    for path in sorted(journals.glob(f"{ladder_prefix(pit).replace('/', '+')}*.journal")):
-        if path.name in names:
+    for path in sorted(journals.glob("*.journal")):
+        if path.name in names or not is_of_ladder(identity_of(path.name), pit):
             continue
         try:
             journal = load_journal(path)

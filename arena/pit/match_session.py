@@ -1,94 +1,116 @@
-"""The network side of one match: who sits where, what they are sent under which keys, and its journal."""
+"""One match with its seats' keys: sealed messages and the time go in, effects come out."""
 
-import os
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 
-from arena.errors import ArenaError
+from arena.errors import ForgedError, UnreadableError
 from arena.game.types import Team
-from arena.match.effects import Ask
+from arena.match.effects import Ask, End, Publish, Write
+from arena.match.effects import Effect as MatchEffect
 from arena.match.match import Match
-from arena.network.session import Put, Session
-from arena.pit.seating import SeatId
+from arena.pit.effects import Append, CloseMatch, Effect, OpenMatch, PublishEnding, PublishTick, Send
 from arena.policy import MatchResult
-from arena.protocol import topics
-from arena.protocol.codec import encode
+from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Caller, new_secret
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Commitment, Ended, History, Message, PublicState, Receipt, Signed, Ticket, Truth, Turn
+from arena.protocol.messages import (
+    Commitment,
+    Ended,
+    History,
+    Message,
+    Orders,
+    PublicState,
+    Ready,
+    Receipt,
+    Signed,
+    Ticket,
+    Truth,
+    Turn,
+)
 from arena.protocol.sealing import Opener, Sealer, truth_sealer
-from arena.protocol.signed import commit, sign_journal, sign_statement
+from arena.protocol.signed import check_receipt, commit, sign_journal, sign_statement
 from arena.records.framing import rules_values
-from arena.records.journal import match_id, write_receipt, write_seats, write_signature
+from arena.records.journal import journal_name, match_id, write_receipt, write_seats, write_signature
 
+MOST_FORGED = 512
+"""Messages of a seat that do not open, between two calls of `advance`; no more of them are tried."""
 _HISTORY_BYTES = 50_000
 _TURN_EXTRA_BYTES = 32
 """What a `Turn` is longer than its observation, at most."""
+_NOTHING_SENT = (-1, b"")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PitContext:
-    """What all tables of a pit share."""
+    """What all matches of a pit share."""
 
-    session: Session
     pit: str
     identity: Identity
     spectator_key: bytes | None = None
-    fsync: bool = False
 
 
 @dataclass(slots=True)
 class SeatSession:
-    """A seat of the match on the network."""
+    """A seat of the match, and the keys of the process that holds it."""
 
     name: str
     entry: bytes
     """The public key that it belongs to."""
-    put: Put
-    end: Callable[[], None]
-    holder: SeatId | None = None
-    """Who has it, or had it before vanishing; None after a restart of the pit, until somebody comes back."""
     sealer: Sealer | None = None
     opener: Opener | None = None
-    sent: tuple[int, bytes] = (-1, b"")
+    sent: tuple[int, bytes] = _NOTHING_SENT
     """The last turn as it was sealed: a resend under one key repeats it."""
-    n_suspect: int = 0
-    """Messages of late that did not open."""
+    n_forged: int = 0
+    """Messages that did not open since `advance` was called last."""
     receipt: Receipt | None = None
 
 
 class MatchSession:
-    """A running match, its two chairs, and its journal."""
+    """A match of a pit, from its drawn board to its signed journal."""
 
-    def __init__(self, house: PitContext, match: Match, entries: dict[Team, bytes], journal: int) -> None:
-        self.match, self._house = match, house
+    def __init__(self, context: PitContext, match: Match, entries: dict[Team, bytes]) -> None:
+        self.match, self._context = match, context
         self.id = match_id(match.header.identity)
-        self._journal = journal
-        session, pit = house.session, house.pit
-        self._public = session.broadcast(topics.public(pit, self.id))
-        self._truth = session.broadcast(topics.truth(pit, self.id))
-        self._salt = new_secret()
-        self._truth_sealer = house.spectator_key and truth_sealer(house.spectator_key, self._salt, pit, self.id)
-        self.chairs: dict[Team, SeatSession] = {}
-        for team, name in zip(Team, (match.header.blue, match.header.red), strict=True):
-            put, end = session.publisher(topics.observation(pit, self.id, team))
-            self.chairs[team] = SeatSession(name, entries[team], put, end)
-        commitment = sign_statement(house.identity, Commitment(match=self.id, digest=commit(self.id, match.header.keys)))
+        self.ending: Signed | None = None
+        """How the match ended, as both seats and everyone else get it."""
+        self.names = [match.header.blue, match.header.red]
+        self.seats = {team: SeatSession(name, entries[team]) for team, name in zip(Team, self.names, strict=True)}
+        commitment = sign_statement(context.identity, Commitment(match=self.id, digest=commit(self.id, match.header.keys)))
         self._commitment = encode(commitment)
-        self.seats_record = write_seats(house.identity.public, entries, commitment.signature)
+        self._seats_record = write_seats(context.identity.public, entries, commitment.signature)
+        make_truth = None
+        if context.spectator_key is not None:
+            salt = new_secret()
+            make_truth = partial(self._make_truth, salt, truth_sealer(context.spectator_key, salt, context.pit, self.id))
+        self._publish_tick = PublishTick(self.id, self._make_public, make_truth)
 
-    def seat(self, team: Team, caller: Caller, holder: SeatId) -> Ticket:
-        """Give a seat to who called, under keys of its own, from whichever process had it before."""
-        ruleset, time_control, chair = self.match.header.ruleset, self.match.time_control, self.chairs[team]
-        secret = new_secret()
+    @property
+    def entries(self) -> dict[Team, bytes]:
+        """Public keys of those who play."""
+        return {team: seat.entry for team, seat in self.seats.items()}
+
+    @property
+    def has_receipts(self) -> bool:
+        """Whether both seats gave theirs."""
+        return all(seat.receipt is not None for seat in self.seats.values())
+
+    def open(self) -> list[Effect]:
+        """Begin the journal."""
+        name = journal_name(self.match.header.identity)
+        return [OpenMatch(self.id, name, 0), Append(self.id, self.match.start_record + self._seats_record)]
+
+    def issue_ticket(self, team: Team, caller: Caller) -> Ticket:
+        """Give a seat to a caller, under new keys; those of the process that had it before hold no more."""
+        time_control, seat, secret = self.match.time_control, self.seats[team], new_secret()
         n_bytes = self.match.n_shown_bytes(team) + _TURN_EXTRA_BYTES
-        chair.sealer, chair.opener = caller.sit(self.id, team, secret, n_bytes)
-        chair.sent, chair.holder = (-1, b""), holder
+        seat.sealer, seat.opener = caller.sit(self.id, team, secret, n_bytes)
+        seat.sent = _NOTHING_SENT
         return Ticket(
             match=self.id,
             team=int(team),
-            ruleset=rules_values(ruleset),
-            opponent=self.chairs[team.other].name,
+            ruleset=rules_values(self.match.header.ruleset),
+            opponent=self.seats[team.other].name,
             turn_time_s=time_control.turn_time_s,
             bank_s=time_control.bank_s,
             tick=self.match.tick,
@@ -96,89 +118,118 @@ class MatchSession:
             commitment=self._commitment,
         )
 
-    def write(self, data: bytes) -> None:
-        """Append to the journal, all or nothing; what cannot be written ends the pit before anybody hears of it."""
+    def receive(self, team: Team, payload: bytes, now_s: float) -> list[Effect]:
+        """Take a message on a seat's key. Junk is counted, and uses up nothing of the seat's."""
+        message = self._open(team, payload)
+        if type(message) is Orders:
+            return self.carry(self.match.submit(team, message.tick, message.actions, now_s))
+        if type(message) is Ready:
+            return [*self._send_history(team, message.known_ticks), *self.carry(self.match.ready(team, now_s))]
+        if message is not None:
+            self.match.garble(team)
+        return []
+
+    def receive_receipt(self, team: Team, payload: bytes) -> list[Effect]:
+        """Take a message after the match; all but a seat's first receipt is ignored."""
+        message, seat = self._open(team, payload), self.seats[team]
+        if type(message) is not Receipt or seat.receipt is not None:
+            return []
         try:
-            n_written = os.write(self._journal, data)
-            if self._house.fsync:
-                os.fdatasync(self._journal)
-        except OSError as error:
-            raise ArenaError(f"cannot write a journal: {error.strerror}") from error
-        if n_written != len(data):
-            raise ArenaError("cannot write a journal: the disk is full")
+            check_receipt(seat.entry, self.id, team, message)
+        except ForgedError:
+            return []
+        seat.receipt = message
+        return [Append(self.id, write_receipt(team, message))]
 
-    def ask(self, ask: Ask) -> None:
-        """Send a seat its observation."""
-        chair = self.chairs[ask.team]
-        if chair.sealer is None:
-            return
-        if chair.sent[0] != ask.tick:
-            chair.sent = ask.tick, chair.sealer.close(encode(Turn(tick=ask.tick, observation=ask.observation)), ask.tick)
-        chair.put(chair.sent[1])
+    def advance(self, now_s: float) -> list[Effect]:
+        """Let time pass."""
+        for seat in self.seats.values():
+            seat.n_forged = 0
+        return self.carry(self.match.advance(now_s))
 
-    def publish(self) -> None:
-        """Tell everyone what everyone may know of the tick, and spectators with the key all of it."""
-        tick = self.match.tick
-        if self._public.is_heard:
-            blue, red, score = self.match.facts
-            names = [chair.name for chair in self.chairs.values()]
-            facts = PublicState(tick=tick, names=names, living=[blue, red], score=score, commitment=self._commitment)
-            self._public.put(encode(facts))
-        if self._truth_sealer and self._truth.is_heard:
-            board, seen = self.match.truth()
-            sealed = self._truth_sealer.close(encode(Truth(tick=tick, board=board, seen=seen)), tick)
-            self._truth.put(self._salt + sealed)
+    def carry(self, match_effects: Iterable[MatchEffect]) -> list[Effect]:
+        """Return what the pit is to do for what the match wants done."""
+        effects: list[Effect] = []
+        for effect in match_effects:
+            if type(effect) is Ask:
+                effects += self._send_turn(effect)
+            elif type(effect) is Write:
+                effects.append(Append(self.id, effect.data))
+            elif type(effect) is Publish:
+                effects.append(self._publish_tick)
+            elif type(effect) is End:
+                effects += self._end(effect.result)
+        return effects
 
-    def send_history(self, team: Team, known_ticks: int) -> None:
+    def close(self) -> list[Effect]:
+        """Sign the journal of a match that is over."""
+        signature = sign_journal(self._context.identity, self.match.head)
+        return [Append(self.id, write_signature(signature)), CloseMatch(self.id)]
+
+    def _open(self, team: Team, payload: bytes) -> Message | None:
+        seat = self.seats[team]
+        if seat.opener is None or seat.n_forged >= MOST_FORGED:
+            self.match.suspect(team)
+            return None
+        try:
+            return decode(seat.opener.open(payload))
+        except ForgedError:
+            seat.n_forged += 1
+            self.match.suspect(team)
+        except UnreadableError:
+            self.match.garble(team)
+        return None
+
+    def _send_turn(self, ask: Ask) -> list[Effect]:
+        seat = self.seats[ask.team]
+        if seat.sealer is None:
+            return []
+        if seat.sent[0] != ask.tick:
+            seat.sent = ask.tick, seat.sealer.close(encode(Turn(tick=ask.tick, observation=ask.observation)), ask.tick)
+        return [Send(self.id, ask.team, seat.sent[1])]
+
+    def _send_history(self, team: Team, known_ticks: int) -> list[Effect]:
         """Send what a seat was shown before it came back, in pieces that fit a message."""
         known = max(known_ticks, 0)
         observations, orders = self.match.history(team, known)
         if not observations:
-            return
+            return []
         step = max(1, _HISTORY_BYTES // (len(observations[0]) + len(orders[0]) + 8))
-        for first in range(0, len(observations), step):
-            piece = slice(first, first + step)
-            self._send(team, History(first_tick=known + first, observations=observations[piece], orders=orders[piece]))
-        self.chairs[team].sent = (-1, b"")  # as it was sealed, the turn would stand before the history, and not open any more
+        self.seats[team].sent = _NOTHING_SENT  # as sealed before, the turn would have a lower count than the history
+        return [
+            effect
+            for first in range(0, len(observations), step)
+            for effect in self._send(
+                team,
+                History(
+                    first_tick=known + first,
+                    observations=observations[first : first + step],
+                    orders=orders[first : first + step],
+                ),
+            )
+        ]
 
-    def end(self, result: MatchResult) -> Signed:
-        """Tell everyone how the match ended, and return what was told."""
+    def _send(self, team: Team, message: Message) -> list[Effect]:
+        sealer = self.seats[team].sealer
+        return [] if sealer is None else [Send(self.id, team, sealer.close(encode(message), self.match.tick))]
+
+    def _end(self, result: MatchResult) -> list[Effect]:
         ended = Ended(
             match=self.id,
-            **result.in_words(),
+            **result.to_dict(),
             faults={team.name.lower(): self.match.record(team).faults() for team in Team},
         )
-        signed = sign_statement(self._house.identity, ended)
-        for team in Team:
-            self._send(team, signed)
-        self._public.put(encode(signed))
-        return signed
+        self.ending = sign_statement(self._context.identity, ended)
+        sent = [effect for team in Team for effect in self._send(team, self.ending)]
+        return [*sent, PublishEnding(self.id, encode(self.ending))]
 
-    def accept(self, team: Team, receipt: Receipt) -> None:
-        """Put a seat's receipt into the journal, once."""
-        if self.chairs[team].receipt is None:
-            self.chairs[team].receipt = receipt
-            self.write(write_receipt(team, receipt))
+    def _make_public(self) -> bytes:
+        blue, red, score = self.match.facts
+        return encode(
+            PublicState(tick=self.match.tick, names=self.names, living=[blue, red], score=score, commitment=self._commitment)
+        )
 
-    @property
-    def has_receipts(self) -> bool:
-        """Whether both seats gave theirs."""
-        return all(chair.receipt is not None for chair in self.chairs.values())
-
-    def close(self) -> None:
-        """Sign the journal, and let go of it all."""
-        self.write(write_signature(sign_journal(self._house.identity, self.match.head)))
-        for chair in self.chairs.values():
-            chair.end()
-        self._public.end()
-        self._truth.end()
-        self.put_down()
-
-    def put_down(self) -> None:
-        """Close the journal as it stands: a later referee can resume the match."""
-        os.close(self._journal)
-
-    def _send(self, team: Team, message: Message) -> None:
-        chair = self.chairs[team]
-        if chair.sealer is not None:
-            chair.put(chair.sealer.close(encode(message), self.match.tick))
+    def _make_truth(self, salt: bytes, sealer: Sealer) -> bytes:
+        tick = self.match.tick
+        board, seen = self.match.truth()
+        return salt + sealer.close(encode(Truth(tick=tick, board=board, seen=seen)), tick)

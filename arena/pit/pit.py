@@ -1,12 +1,13 @@
-"""A pit that is open: a router, a referee, and whoever comes."""
+"""An open pit: a router, a referee, and whoever connects."""
 
-import fcntl
 import time
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from arena.errors import InputError
 from arena.game.engine import warm
@@ -17,24 +18,26 @@ from arena.match.time_control import TimeControl
 from arena.network.access import Certificate
 from arena.network.address import Address
 from arena.network.session import open_router
-from arena.pit.ladder import Ladder, LadderMatch, LadderSeating, find_uncounted, ladder_prefix
+from arena.pit.effects import MatchEnded
+from arena.pit.ladder import Ladder, LadderMatch, LadderSeating, find_uncounted, is_of_ladder
 from arena.pit.match_session import PitContext
-from arena.pit.referee import Played, Referee
+from arena.pit.referee import Referee
 from arena.pit.register import Register
 from arena.pit.seating import OpenSeating, Seating
 from arena.protocol.identity import Identity
-from arena.records.plan import MatchPlan
+from arena.records.journal import identity_of
+from arena.records.plan import MatchPlan, PitMatchId
 
 _DRAIN_S = 8.0
-"""How long running matches may go on after the pit was told to stop; what is left then can be resumed."""
+"""How long running matches may go on after `stop`; what is left then can be resumed."""
 
 _FAREWELL_S = 2.0
-"""How long the pit stays after its last match, for clients to hear that it is over."""
+"""How long the pit stays after its last match, for clients to learn that it is over."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PitSettings:
-    """What `arena serve` is told."""
+    """The settings of `arena serve`."""
 
     address: Address
     """Where to listen, and the pit's name and key."""
@@ -60,13 +63,11 @@ class Pit:
         self._stopped_at_s: float | None = None
         self._done_at_s: float | None = None
         self._referee: Referee | None = None
-        self._prefix = f"{settings.address.pit}/"
         self._seating: Seating
         if settings.ladder is None:
             self._seating = OpenSeating(self._make_plan, settings.n_matches)
         else:
-            self._prefix = ladder_prefix(settings.address.pit)
-            self._seating = LadderSeating(settings.ladder, self._make_plan, settings.n_matches, time.monotonic)
+            self._seating = LadderSeating(settings.ladder, self._make_plan, settings.n_matches)
 
     def stop(self) -> None:
         """Begin no more matches; a second call does not wait for those that run."""
@@ -76,31 +77,29 @@ class Pit:
         elif self._referee is not None:
             self._referee.stop()
 
-    def run(self, on_open: Callable[[int], None], on_end: Callable[[Played], None]) -> int:
+    def run(self, on_open: Callable[[int], None], on_end: Callable[[MatchEnded], None]) -> int:
         """Serve until stopped, or until the last match is over; return how many matches were left to be resumed."""
         settings = self._settings
-        warm(settings.ruleset)  # before anybody can ask: a client that hears no answer goes away
+        warm(settings.ruleset)  # before anybody can ask: a client that gets no answer goes away
         with (
             _alone_in(settings.journals),
             open_router(settings.address.endpoint, settings.address.pit, settings.certificate) as session,
         ):
             counted = self._catch_up()
-            self._numbers = count(_next_number(settings.journals, self._prefix, counted))
-            house = PitContext(
-                session=session,
-                pit=settings.address.pit,
-                identity=settings.identity,
-                spectator_key=settings.spectator_key,
-                fsync=settings.fsync,
+            self._numbers = count(
+                _next_number(settings.journals, settings.address.pit, counted, is_rated=settings.ladder is not None)
             )
+            context = PitContext(pit=settings.address.pit, identity=settings.identity, spectator_key=settings.spectator_key)
             referee = Referee(
-                house,
+                session,
+                context,
                 settings.ruleset,
                 self._seating,
                 settings.time_control,
                 settings.journals,
                 register=settings.register,
-                on_end=lambda played: self._tell(played, on_end),
+                fsync=settings.fsync,
+                on_end=lambda ended: self._report(ended, on_end),
             )
             self._referee = referee
             on_open(len(referee.resume(lambda _: True)))
@@ -129,44 +128,50 @@ class Pit:
             ladder.count(match)
         return counted
 
-    def _tell(self, played: Played, on_end: Callable[[Played], None]) -> None:
+    def _report(self, ended: MatchEnded, on_end: Callable[[MatchEnded], None]) -> None:
         """Count a match of the ladder; one that an earlier pit began without it is none."""
-        header = played.header
-        if self._settings.ladder is not None and header.identity.startswith(self._prefix):
+        header = ended.header
+        if self._settings.ladder is not None and is_of_ladder(header.identity, self._settings.address.pit):
             names = {Team.BLUE: header.blue, Team.RED: header.red}
             match = LadderMatch(
                 identity=header.identity,
                 names=names,
-                entries=played.entries,
+                entries=ended.entries,
                 rules_hash=header.ruleset.hash,
-                result=played.result,
+                result=ended.result,
             )
             self._settings.ladder.count(match)
-        on_end(played)
+        on_end(ended)
 
     def _make_plan(self, blue: str, red: str) -> MatchPlan:
         """Plan a match of its own: no map is played twice here, since whoever comes may remember."""
-        identity = f"{self._prefix}{next(self._numbers):06}/{blue}/{red}"
-        secret = self._settings.secret
+        settings = self._settings
+        match = PitMatchId(
+            pit=settings.address.pit, is_rated=settings.ladder is not None, number=next(self._numbers), blue=blue, red=red
+        )
+        identity, secret = str(match), settings.secret
         keys = MatchKeys(map_key=derive_map_key(secret, identity, 0), match_key=derive_match_key(secret, identity))
         return MatchPlan(identity=identity, blue=blue, red=red, keys=keys)
 
 
-def _next_number(journals: Path, prefix: str, counted: Collection[str]) -> int:
+def _next_number(journals: Path, pit: str, counted: Collection[str], *, is_rated: bool) -> int:
     """Return the first number beyond those of a pit's matches that have a journal, or were counted: none is played twice."""
-    start = prefix.replace("/", "+")
-    known = [path.name.removeprefix(start).split("+") for path in journals.glob(f"{start}*.journal")]
-    known += [identity.removeprefix(prefix).split("/") for identity in counted]
-    return max((int(parts[0]) + 1 for parts in known if len(parts) == 3 and parts[0].isdecimal()), default=0)
+    first = 0
+    for identity in (*(identity_of(path.name) for path in journals.glob("*.journal")), *counted):
+        with suppress(ValueError):  # another's match
+            match = PitMatchId.parse(identity)
+            if (match.pit, match.is_rated) == (pit, is_rated):
+                first = max(first, match.number + 1)
+    return first
 
 
 @contextmanager
 def _alone_in(folder: Path) -> Iterator[None]:
     """Keep other pits off a folder of journals: two would resume the same matches."""
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / ".lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(f"another pit keeps its journals in {folder}; choose another folder with --data") from None
+    try:
+        lock = FileLock(folder / ".lock", blocking=False).acquire()
+    except Timeout:
+        raise InputError(f"another pit keeps its journals in {folder}; choose another folder with --data") from None
+    with lock:
         yield

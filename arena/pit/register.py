@@ -23,6 +23,8 @@ class Register:
         self._invites: dict[str, str] = {}
         self._banned: dict[str, str] = {}
         """By public key: the name under which it was banned."""
+        self.is_changed = False
+        """Whether anything changed since it was saved last."""
         if path is not None and path.exists():
             self._load(path)
 
@@ -57,25 +59,25 @@ class Register:
         """Tie the invite code to the entry that came with it."""
         if self._codes is not None and request.invite not in self._invites:
             self._invites[request.invite] = to_text(request.entry)
-            self._save()
+            self.is_changed = True
 
     def claim(self, name: str, entry: bytes) -> None:
         """Give a name to the key that finished a match under it, if it is nobody's yet."""
         if name not in self._names:
             self._names[name] = to_text(entry)
-            self._save()
+            self.is_changed = True
 
     def release(self, name: str) -> bool:
         """Take a name from its key; False if it was nobody's."""
         if self._names.pop(name, None) is None:
             return False
-        self._save()
+        self.is_changed = True
         return True
 
     def ban(self, name: str, entry: bytes) -> None:
         """Let a key play no more."""
         self._banned[to_text(entry)] = name
-        self._save()
+        self.is_changed = True
 
     def find(self, target: str) -> bytes | None:
         """Return the key that a name belongs to, or that the text itself is."""
@@ -85,6 +87,26 @@ class Register:
             return from_text(target)
         except InputError:
             return None
+
+    def save(self) -> None:
+        """Write all, or nothing; `ArenaError` if it cannot be written."""
+        if self._path is not None:
+            self._write(self._path)
+        self.is_changed = False
+
+    def _write(self, path: Path) -> None:
+        values = dict(zip(_PARTS, (self._names, self._invites, self._banned), strict=True))
+        new = None
+        try:
+            descriptor, name = tempfile.mkstemp(dir=path.parent)  # of mode 0600
+            new = Path(name)
+            with os.fdopen(descriptor, "w") as file:
+                json.dump(values, file, indent=1)
+            new.replace(path)
+        except OSError as error:
+            if new is not None:
+                new.unlink(missing_ok=True)
+            raise ArenaError(f"cannot write {path}: {error.strerror}") from error
 
     def _load(self, path: Path) -> None:
         try:
@@ -97,23 +119,6 @@ class Register:
         except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise InputError(f"{path} is no register of names; move it away to begin a new one") from error
         self._names, self._invites, self._banned = names, invites, banned
-
-    def _save(self) -> None:
-        """Write all, or nothing."""
-        if self._path is None:
-            return
-        values = dict(zip(_PARTS, (self._names, self._invites, self._banned), strict=True))
-        new = None
-        try:
-            descriptor, name = tempfile.mkstemp(dir=self._path.parent)  # of mode 0600
-            new = Path(name)
-            with os.fdopen(descriptor, "w") as file:
-                json.dump(values, file, indent=1)
-            new.replace(self._path)
-        except OSError as error:
-            if new is not None:
-                new.unlink(missing_ok=True)
-            raise ArenaError(f"cannot write {self._path}: {error.strerror}") from error
 
 
 def _is_key(text: str) -> bool:

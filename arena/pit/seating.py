@@ -1,23 +1,15 @@
-"""Who sits where: from those who wait for a seat to matches with two. Pure; `service` talks."""
+"""Who plays whom: from slots that wait for a seat to matches of two. Without I/O."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION, Team
+from arena.pit.seats import SlotId
 from arena.protocol import topics
-from arena.protocol.messages import Closed, JoinRequest, Message, Refusal, Wait
+from arena.protocol.messages import Closed, JoinRequest, Refusal, Wait
 from arena.records.plan import MatchPlan
-
-
-class SeatId(NamedTuple):
-    """Who has a seat, or wants one: an entry, one of its client processes, and one of that one's slots."""
-
-    entry: bytes
-    client: str
-    slot: int
-
 
 MOST_SLOTS = 256
 """Seats that one client process may ask for at once."""
@@ -28,21 +20,21 @@ class Pairing:
     """A match that can begin."""
 
     plan: MatchPlan
-    seats: dict[Team, SeatId]
+    slots: dict[Team, SlotId]
 
 
 class Seating(Protocol):
     """Decides who plays whom."""
 
-    def place(self, seat: SeatId, request: JoinRequest) -> Pairing | Wait | Refusal | Closed:
-        """Take a request, perhaps one that was taken before; a pairing may hold other seats that waited."""
+    def place(self, slot: SlotId, request: JoinRequest, now_s: float) -> Pairing | Wait | Refusal | Closed:
+        """Take a request, perhaps one that was taken before; a pairing may hold other slots that waited."""
 
     def pair_up(self, now_s: float) -> Pairing | None:
-        """Return a match that can begin though nobody new came, of seats that were placed; asked again and again."""
+        """Return a match that can begin though nobody new came, of slots that were placed; asked again and again."""
         return None
 
-    def forget(self, seat: SeatId) -> None:
-        """A seat that waited is gone."""
+    def forget(self, slot: SlotId) -> None:
+        """A slot that waited is gone."""
 
     def close(self) -> None:
         """Begin no more matches."""
@@ -51,7 +43,7 @@ class Seating(Protocol):
         """Whether two entries are to meet again, on a map that they may know then."""
 
     def standings(self) -> list[dict[str, Any]]:
-        """Return who leads, as the lobby tells it; nothing where nobody is rated as matches end."""
+        """Return who leads, as the lobby lists it; nothing where nobody is rated as matches end."""
         return []
 
     @property
@@ -59,10 +51,8 @@ class Seating(Protocol):
         """Whether no match will begin any more."""
 
 
-def object_to(request: Message, ruleset: Ruleset) -> str:
+def object_to(request: JoinRequest, ruleset: Ruleset) -> str:
     """Return why a request cannot be met whatever seats are free, or nothing."""
-    if not isinstance(request, JoinRequest):
-        return "this is no request for a seat"
     if request.rules_version != RULES_VERSION:
         return f"the client knows version {request.rules_version} of the rules, the pit {RULES_VERSION}; install the same"
     if request.rules_hash and request.rules_hash != ruleset.hash:
@@ -82,7 +72,7 @@ class OpenSeating(Seating):
 
     def __init__(self, make_plan: Callable[[str, str], MatchPlan], n_matches: int | None) -> None:
         self._make_plan, self._left = make_plan, n_matches
-        self._waiting: dict[Team, tuple[SeatId, str]] = {}
+        self._waiting: dict[Team, tuple[SlotId, str]] = {}
 
     @property
     def is_done(self) -> bool:
@@ -97,11 +87,11 @@ class OpenSeating(Seating):
         """No: every match is its own fixture here, on a map of its own."""
         return False
 
-    def place(self, seat: SeatId, request: JoinRequest) -> Pairing | Wait | Refusal | Closed:
+    def place(self, slot: SlotId, request: JoinRequest, now_s: float) -> Pairing | Wait | Refusal | Closed:
         """Seat a client on the team that it wants, if it is free."""
         if self.is_done:
             return Closed(reason="the pit begins no more matches")
-        own = next((team for team, (other, _) in self._waiting.items() if other == seat), None)
+        own = next((team for team, (other, _) in self._waiting.items() if other == slot), None)
         if own is None:
             wanted = list(Team) if request.team == "any" else [Team[request.team.upper()]]
             free = [team for team in wanted if team not in self._waiting]
@@ -110,7 +100,7 @@ class OpenSeating(Seating):
                 other = wanted[0].other.name.lower()
                 hint = "it is free" if wanted[0].other not in self._waiting else "it is taken as well"
                 return Refusal(reason=f"{wanted[0].name.lower()} is taken, by {name}; try {other}: {hint}")
-            self._waiting[free[0]] = (seat, request.name)
+            self._waiting[free[0]] = (slot, request.name)
         if len(self._waiting) < len(Team):
             return Wait(reason="for an opponent")
         (blue, blue_name), (red, red_name) = self._waiting[Team.BLUE], self._waiting[Team.RED]
@@ -119,18 +109,18 @@ class OpenSeating(Seating):
             self._left -= 1
         return Pairing(self._make_plan(blue_name, red_name), {Team.BLUE: blue, Team.RED: red})
 
-    def forget(self, seat: SeatId) -> None:
-        """Free the team that a seat waited on."""
-        self._waiting = {team: waiting for team, waiting in self._waiting.items() if waiting[0] != seat}
+    def forget(self, slot: SlotId) -> None:
+        """Free the team that a slot waited on."""
+        self._waiting = {team: waiting for team, waiting in self._waiting.items() if waiting[0] != slot}
 
 
 class PlannedSeating(Seating):
-    """The matches of a league, in its order as far as those who play them are there."""
+    """The matches of a league, in its order as far as those who play them are present."""
 
     def __init__(self, plans: Iterable[MatchPlan]) -> None:
         self._plans = list(plans)
         self._entries = {name for plan in self._plans for name in (plan.blue, plan.red)}
-        self._waiting: dict[SeatId, str] = {}
+        self._waiting: dict[SlotId, str] = {}
 
     @property
     def is_done(self) -> bool:
@@ -150,30 +140,30 @@ class PlannedSeating(Seating):
         running = set(identities)
         self._plans = [plan for plan in self._plans if plan.identity not in running]
 
-    def place(self, seat: SeatId, request: JoinRequest) -> Pairing | Wait | Refusal | Closed:
-        """Begin the first match for whose entries seats are waiting."""
+    def place(self, slot: SlotId, request: JoinRequest, now_s: float) -> Pairing | Wait | Refusal | Closed:
+        """Begin the first match for whose entries slots are waiting."""
         if request.name not in self._entries:
             return Refusal(reason=f"{request.name} is no entry of this league")
-        self._waiting[seat] = request.name
+        self._waiting[slot] = request.name
         for index, plan in enumerate(self._plans):
             if request.name in (plan.blue, plan.red):
-                seats = self._find(plan)
-                if seats:
+                slots = self._find(plan)
+                if slots:
                     del self._plans[index]
-                    for taken in seats.values():
+                    for taken in slots.values():
                         del self._waiting[taken]
-                    return Pairing(plan, seats)
+                    return Pairing(plan, slots)
         if not any(request.name in (plan.blue, plan.red) for plan in self._plans):
-            self._waiting.pop(seat)
+            self._waiting.pop(slot)
             return Closed(reason=f"all matches of {request.name} have begun")
         return Wait(reason="for an opponent")
 
-    def _find(self, plan: MatchPlan) -> dict[Team, SeatId] | None:
-        """Return seats for both entries of a plan, if they are waiting."""
-        blue = next((seat for seat, name in self._waiting.items() if name == plan.blue), None)
-        red = next((seat for seat, name in self._waiting.items() if name == plan.red and seat != blue), None)
+    def _find(self, plan: MatchPlan) -> dict[Team, SlotId] | None:
+        """Return slots of both entries of a plan, if they are waiting."""
+        blue = next((slot for slot, name in self._waiting.items() if name == plan.blue), None)
+        red = next((slot for slot, name in self._waiting.items() if name == plan.red and slot != blue), None)
         return {Team.BLUE: blue, Team.RED: red} if blue and red else None
 
-    def forget(self, seat: SeatId) -> None:
-        """Take a seat off the list."""
-        self._waiting.pop(seat, None)
+    def forget(self, slot: SlotId) -> None:
+        """Take a slot off the list."""
+        self._waiting.pop(slot, None)

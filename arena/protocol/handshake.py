@@ -18,7 +18,7 @@ from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
 from cryptography.hazmat.primitives.hpke import AEAD, KDF, KEM, Suite
 
-from arena.errors import ForgedError
+from arena.errors import ForgedError, UnreadableError
 from arena.game.types import Team
 from arena.protocol.codec import decode, encode
 from arena.protocol.identity import SIGNATURE_BYTES, Identity, verify
@@ -40,6 +40,15 @@ def sign_challenge(pit: str, identity: Identity, sealing_key: bytes, number: byt
     """Return what the pit says to every Hello of some seconds."""
     signature = identity.sign(_CHALLENGE, _challenged(pit, sealing_key, number))
     return Challenge(pit_key=identity.public, sealing_key=sealing_key, number=number, signature=signature)
+
+
+def read_challenge(pit: str, data: bytes) -> Challenge:
+    """Return the answer to a Hello; `ProtocolError` if no pit of this name made it. Which pit it is, only the caller knows."""
+    challenge = decode(data)
+    if not isinstance(challenge, Challenge):
+        raise UnreadableError("the pit answers with something else than its keys")
+    check_challenge(pit, challenge)
+    return challenge
 
 
 def check_challenge(pit: str, challenge: Challenge) -> None:

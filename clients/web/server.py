@@ -10,14 +10,14 @@ import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import asdict, dataclass
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -30,12 +30,11 @@ from clients.web.guard import LOOPBACK, Guard
 from clients.web.pit import PitClient
 from clients.web.play import Player, Players, check_fighter, read_wish
 from clients.web.providers import Leagues
+from clients.web.routes import ASSETS, PAGES, QUESTIONS, SOCKETS, Page, render
 from policies import registry
 
 logger = logging.getLogger(__name__)
 
-ASSETS = Path(__file__).parent / "assets"
-_PAGES = ("/", "/match/{match}", "/league", "/play")
 _FIRST_WORD_S = 10.0
 """How long a page that opened a WebSocket may take to say what it wants."""
 _GOODBYE_S = 2.0
@@ -56,7 +55,7 @@ class WebSettings:
 
 def make_app(settings: WebSettings) -> Starlette:
     """Return the whole server as an application; its pit is looked for as long as it runs."""
-    pages = Pages(settings)
+    handlers = Handlers(settings)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -70,15 +69,9 @@ def make_app(settings: WebSettings) -> Starlette:
 
     return Starlette(
         routes=[
-            *(Route(path, pages.shell) for path in _PAGES),
-            Route("/api/lobby", pages.lobby),
-            Route("/api/replay/{match}", pages.replay),
-            Route("/api/play", pages.offer),
-            Route("/api/leagues", pages.league_names),
-            Route("/api/league", pages.league),
-            Route("/api/league/replay", pages.league_replay),
-            WebSocketRoute("/ws/match/{match}", pages.watch),
-            WebSocketRoute("/ws/play", pages.play),
+            *(Route(page.path, partial(show, page)) for page in PAGES),
+            *(Route(path, getattr(handlers, name)) for name, path in QUESTIONS.items()),
+            *(WebSocketRoute(path, getattr(handlers, name)) for name, path in SOCKETS.items()),
             Mount("/assets", StaticFiles(directory=ASSETS)),
         ],
         middleware=[Middleware(Guard, names=settings.names), Middleware(GZipMiddleware, minimum_size=1_000, compresslevel=6)],
@@ -86,15 +79,16 @@ def make_app(settings: WebSettings) -> Starlette:
     )
 
 
-class Pages:
-    """What each address answers."""
+async def show(page: Page, request: Request) -> Response:
+    """Answer with a page."""
+    return HTMLResponse(render(page, request.path_params))
+
+
+class Handlers:
+    """What each route answers, by its name in `clients.web.routes`."""
 
     def __init__(self, settings: WebSettings) -> None:
         self._pit, self._leagues, self._players = settings.pit, settings.leagues, settings.players
-
-    async def shell(self, _: Request) -> Response:
-        """Answer with the page that all pages begin as."""
-        return FileResponse(ASSETS / "index.html")
 
     async def lobby(self, _: Request) -> Response:
         """Answer with what everyone may know of the pit."""
@@ -120,7 +114,7 @@ class Pages:
 
         return await _answer(play_again)
 
-    async def league_names(self, _: Request) -> Response:
+    async def leagues(self, _: Request) -> Response:
         """Answer with the names of the leagues in the store."""
         return await _answer(lambda: asyncio.to_thread(lambda: {"leagues": self._leagues.names()}))
 
@@ -134,7 +128,7 @@ class Pages:
         name, identity = (request.query_params.get(key, "") for key in ("league", "identity"))
         return await _answer(lambda: asyncio.to_thread(lambda: tell_match(self._leagues.journal(name, identity))))
 
-    async def watch(self, socket: WebSocket) -> None:
+    async def watch_match(self, socket: WebSocket) -> None:
         """Tell a page all that happens in a running match; of its boards only to one that brings the spectator key."""
         await socket.accept()
         match = socket.path_params["match"]
@@ -152,11 +146,11 @@ class Pages:
                 await socket.send_json({"kind": "wrong key", "sentence": str(error)})
             await self._follow(socket, match, key)
 
-    async def offer(self, _: Request) -> Response:
+    async def play(self, _: Request) -> Response:
         """Answer with whether a person may play here, and the fighters that may help."""
         return JSONResponse({"is_open": self._players is not None, "fighters": registry.names()})
 
-    async def play(self, socket: WebSocket) -> None:
+    async def play_match(self, socket: WebSocket) -> None:
         """Give a person a seat, or the same one again to a page that brings its token."""
         await socket.accept()
         with suppress(WebSocketDisconnect, TimeoutError):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.rules import reach_of
 from arena.game.ruleset import Ruleset
 from arena.game.types import FLAGS, HALVES, Team
 
@@ -48,7 +49,7 @@ class TeamRules(NamedTuple):
 def team_rules(ruleset: Ruleset, team: Team) -> TeamRules:
     """Return a ruleset as the kernels of `team` read it."""
     own, enemies = ruleset.team(team), ruleset.team(team.other)
-    reach = {unit.name: unit.attack**2 - (not ruleset.attack_at_range) if unit.attack else -1 for unit in ruleset.units}
+    reach = {unit.name: reach_of(unit.attack, ruleset.attack_at_range, unit.flies) for unit in ruleset.units}
 
     def numbers(values: Iterable[int]) -> NDArray[np.int64]:
         return np.array(list(values), np.int64)

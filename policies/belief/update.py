@@ -3,15 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.game.types import Code
+from arena.game.compiled import can_enter
 from arena.jit import jit
 from policies.belief.belief import Belief
 from policies.belief.bitrows import NONE, bit, count, flood, low_bits
 from policies.belief.memory import Sight, remember
 from policies.belief.team_rules import TeamRules
 from policies.belief.tracks import track
-
-_OBSTACLE = int(Code.OBSTACLE)
 
 
 @jit()
@@ -74,7 +72,7 @@ def _look(seat: int, sight: Sight, belief: Belief, side: int) -> None:
         for column in range(side):
             code = sight.ground[seat, first + column]
             seen |= np.uint64(code >= 0) << np.uint64(column)
-            walls |= np.uint64(code == _OBSTACLE) << np.uint64(column)
+            walls |= np.uint64(not can_enter(code, 0)) << np.uint64(column)
             belief.seen_at[seat, first + column] = tick if code >= 0 else belief.seen_at[seat, first + column]
         belief.in_sight[seat, row] = seen
         belief.walkable[seat, row] &= ~walls

@@ -3,12 +3,13 @@
 Until the own flag is found they look for it by wandering over their half, as units that fly do throughout.
 """
 
+from arena.game.compiled import column_after, row_after
 from arena.jit import jit
 from policies.belief.memory import SeatMemory, Sight, nearest_walker
 from policies.belief.team_rules import TeamRules
 from policies.chance import draw
 from policies.heuristics.unit_by_unit import UnitByUnit, each_unit
-from policies.tactics.moves import STAY, column_of, row_of
+from policies.tactics.moves import STAY
 from policies.tactics.pursuit import pursue
 from policies.tactics.wandering import wander
 
@@ -41,7 +42,7 @@ def order_unit(seat: int, unit: int, cell: int, sight: Sight, memory: SeatMemory
     if goal < 0:
         goal = wander(seat, unit, cell, -memory.forward[seat], memory, rules, words)
     action = pursue(seat, unit, cell, goal, memory, rules, words)
-    to = memory.ground[seat, row_of(cell // side, action) * side + column_of(cell % side, action)]
+    to = memory.ground[seat, row_after(cell // side, action) * side + column_after(cell % side, action)]
     return action if flies or to not in (rules.enemy_half, rules.enemy_flag) else STAY
 
 

@@ -3,7 +3,7 @@
 They run the shortest way over what was seen, taking for open what was not; the others go on sweeping.
 """
 
-from arena.game.types import Code
+from arena.game.compiled import can_enter
 from arena.jit import jit
 from policies.belief.bitrows import UNREACHED
 from policies.belief.memory import SeatMemory, Sight
@@ -13,7 +13,6 @@ from policies.heuristics.unit_by_unit import UnitByUnit, each_unit
 from policies.tactics.paths import downhill, flood
 from policies.tactics.pursuit import pursue
 
-_OBSTACLE = int(Code.OBSTACLE)
 _PATIENCE = 64
 """A lane's end is given up in one tick of so many: it may lie behind walls."""
 
@@ -42,7 +41,7 @@ def order_unit(seat: int, unit: int, cell: int, sight: Sight, memory: SeatMemory
     words = draw(sight.seed[seat], unit)
     goal = _lane_end(int(memory.leg[seat, unit]), unit, n_units, side, forward)
     is_there = abs(goal // side - row) <= near and abs(goal % side - column) <= near
-    if is_there or (not flies and memory.ground[seat, goal] == _OBSTACLE) or one_in(words[1], _PATIENCE):
+    if is_there or not can_enter(memory.ground[seat, goal], flies) or one_in(words[1], _PATIENCE):
         memory.leg[seat, unit], memory.detour[seat, unit] = (memory.leg[seat, unit] + 1) % (8 * n_units), 0
         goal = _lane_end(int(memory.leg[seat, unit]), unit, n_units, side, forward)
     return pursue(seat, unit, cell, goal, memory, rules, words)

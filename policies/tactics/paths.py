@@ -3,13 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.game.types import Code
+from arena.game.compiled import can_enter, column_after, row_after
 from arena.jit import jit
 from policies.belief import bitrows
 from policies.belief.bitrows import NONE, bit
-from policies.tactics.moves import EAST, NORTH, SOUTH, STAY, WEST, column_of, is_open, row_of
-
-_OBSTACLE = int(Code.OBSTACLE)
+from policies.tactics.moves import EAST, NORTH, SOUTH, STAY, WEST, is_open
 
 
 @jit()
@@ -30,7 +28,7 @@ def flood(ground: NDArray[np.int8], seat: int, side: int, goal: int, steps: NDAr
         goals[row] = bit(goal % side) if goal // side == row else NONE
         ground_rows[row] = NONE
         for column in range(side):
-            ground_rows[row] |= np.uint64(ground[seat, row * side + column] != _OBSTACLE) << np.uint64(column)
+            ground_rows[row] |= np.uint64(can_enter(ground[seat, row * side + column], 0)) << np.uint64(column)
     bitrows.flood(goals, ground_rows, goals, 0, side, work, steps[seat])
 
 
@@ -40,7 +38,7 @@ def downhill(ground: NDArray[np.int8], seat: int, side: int, cell: int, steps: N
     best, least, row, column = STAY, steps[seat, cell], cell // side, cell % side
     for action in (NORTH, EAST, SOUTH, WEST):
         if is_open(ground, seat, side, row, column, action, 0):
-            there = steps[seat, row_of(row, action) * side + column_of(column, action)]
+            there = steps[seat, row_after(row, action) * side + column_after(column, action)]
             if there < least:
                 best, least = action, there
     return best

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.compiled import column_after, is_in_reach, is_on_board, row_after
 from arena.jit import jit
 from arena.policy import Orders
 from policies.belief.belief import Belief
@@ -16,7 +17,7 @@ from policies.belief.bitrows import NONE, UNREACHED, bit, flood, has
 from policies.belief.memory import Sight
 from policies.belief.team_rules import TeamRules
 from policies.chance import draw
-from policies.tactics.moves import STAY, column_of, row_of
+from policies.tactics.moves import STAY
 from policies.tactics.odds import mark_danger, squared, weigh
 
 N_ROLES = 7
@@ -223,8 +224,8 @@ def _step(seat: int, unit: int, sight: Sight, belief: Belief, rules: TeamRules, 
 @jit(inline=True)
 def step_to(cell: int, action: int, seat: int, belief: Belief, side: int) -> int:
     """Return the cell to which a step on foot leads, or -1: off the board, or onto what is known as an obstacle."""
-    row, column = row_of(cell // side, action), column_of(cell % side, action)
-    if row < 0 or row >= side or column < 0 or column >= side:
+    row, column = row_after(cell // side, action), column_after(cell % side, action)
+    if not is_on_board(row, column, side):
         return -1
     to = row * side + column
     return to if action == STAY or has(belief.walkable[seat], side, to) else -1
@@ -234,7 +235,8 @@ def step_to(cell: int, action: int, seat: int, belief: Belief, side: int) -> int
 def _support(seat: int, unit: int, cell: int, sign: float, rules: TeamRules, plan: Plan) -> None:
     """Add what a unit at a cell gives to the strength of friends in contact, or take it away."""
     for other in range(plan.aim.shape[0]):
-        if other != unit and plan.force[other, 1] > 0.0 and squared(plan.aim[other], cell, rules.side) <= rules.reach[unit]:
+        apart = squared(plan.aim[other], cell, rules.side)
+        if other != unit and plan.force[other, 1] > 0.0 and is_in_reach(apart, rules.reach[unit]):
             plan.force[other, 0] = max(plan.force[other, 0] + sign * rules.strength[unit], 0.0)
 
 

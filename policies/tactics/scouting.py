@@ -1,9 +1,11 @@
 """Units that fly: they look for the enemy's flag where it is likeliest; then one watches it, the other our own, or the decoy."""
 
+
 import numpy as np
 from numpy.typing import NDArray
 
 from arena.game.bits import lowest_bit, popcount
+from arena.game.compiled import column_after, is_in_sight, is_on_board, row_after, squared_distance
 from arena.jit import jit
 from arena.policy import Orders
 from policies.belief.belief import Belief
@@ -11,7 +13,7 @@ from policies.belief.bitrows import NONE, ONE, low_bits
 from policies.belief.memory import Sight
 from policies.belief.team_rules import TeamRules
 from policies.chance import draw
-from policies.tactics.moves import STAY, column_of, row_of
+from policies.tactics.moves import STAY
 from policies.tactics.roles import Plan
 
 _NEW_CELL = 3
@@ -57,7 +59,7 @@ def _nearest(rows: NDArray[np.uint64], side: int, cell: int) -> int:
 def _disc_row(row: int, column: int, to: int, sight_cells: int, side: int) -> np.uint64:
     """Return the cells of one row that are seen from a cell."""
     width, down = -1, abs(to - row)
-    while (width + 1) * (width + 1) + down * down <= sight_cells * sight_cells:
+    while is_in_sight(squared_distance(width + 1, down), sight_cells):
         width += 1
     return low_bits(min(column + width + 1, side)) & ~low_bits(max(column - width, 0)) if width >= 0 else NONE
 
@@ -74,8 +76,8 @@ def _look(
         action = STAY if turn == 0 else 1 + (turn + first) % 4
         row, column = cell // side, cell % side
         for _ in range(rules.step[unit]):
-            if 0 <= row_of(row, action) < side and 0 <= column_of(column, action) < side:
-                row, column = row_of(row, action), column_of(column, action)
+            if is_on_board(row_after(row, action), column_after(column, action), side):
+                row, column = row_after(row, action), column_after(column, action)
         if action != STAY and row * side + column == cell:
             continue
         value = 0

@@ -1,13 +1,12 @@
 """Wandering on one half of the board: from one random cell to the next."""
 
+from arena.game.compiled import can_enter
 from arena.game.philox import below
-from arena.game.types import Code
 from arena.jit import jit
 from policies.belief.memory import SeatMemory
 from policies.belief.team_rules import TeamRules
 from policies.chance import Words, one_in
 
-_OBSTACLE = int(Code.OBSTACLE)
 _PATIENCE = 64
 """A goal is given up in one tick of so many: it may lie behind walls."""
 
@@ -25,7 +24,7 @@ def wander(seat: int, unit: int, cell: int, half: int, memory: SeatMemory, rules
     """
     side, near, goal = rules.side, rules.step[unit] // 2, int(memory.goal[seat, unit])
     is_near = abs(goal // side - cell // side) <= near and abs(goal % side - cell % side) <= near
-    if goal >= 0 and not is_near and memory.ground[seat, goal] != _OBSTACLE and not one_in(words[1], _PATIENCE):
+    if goal >= 0 and not is_near and can_enter(memory.ground[seat, goal], 0) and not one_in(words[1], _PATIENCE):
         return goal
     column = int(below(words[2], side // 2)) + (side // 2 if half > 0 else 0)
     new = int(below(words[3], side)) * side + column

@@ -107,7 +107,7 @@ def test_the_local_venue_is_measured_with_its_journals(monkeypatch: pytest.Monke
     monkeypatch.setattr(benchmarks.local, "N_PAIRS", 2)
     monkeypatch.setattr(benchmarks.local, "play", play)
 
-    results = benchmarks.local.local(lambda _: None)
+    results = benchmarks.local.run(lambda _: None)
 
     assert list(results) == ["ticks_per_s", "matches_per_s", "ticks_per_match"]
     assert is_positive(results)

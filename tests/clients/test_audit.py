@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from arena.errors import ArenaError
 from arena.game.keys import MatchKeys
 from arena.game.observation import Observations
 from arena.game.ruleset import load, to_dict
@@ -19,7 +20,6 @@ from arena.match.time_control import TimeControl
 from arena.pit import archive
 from arena.pit.archive import Archive
 from arena.policy import BatchPolicy
-from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES, decode, encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import (
@@ -48,10 +48,8 @@ from arena.records.journal import (
     write_seats,
     write_signature,
 )
-from clients.audit import Verdict, audit, fetch
-from clients.runner import Runner
+from clients.audit import JournalDownload, Verdict, audit
 from clients.seat import Seat
-from clients.settings import Settings
 
 RULES = load("paper").with_({"side": 10, "tick_limit": 12})
 UNITS = len(RULES.team(Team.BLUE))
@@ -127,16 +125,7 @@ class Played:
             elif isinstance(event, Ask):
                 self.asked.append(event)
             elif isinstance(event, End):
-                result = event.result
-                winner = None if result.winner is None else result.winner.name.lower()
-                ended = Ended(
-                    match=self.id,
-                    ending=result.ending.name.lower(),
-                    winner=winner,
-                    score=result.score,
-                    ticks=result.ticks,
-                    reason=result.reason,
-                )
+                ended = Ended(match=self.id, **event.result.to_dict())
                 for seat in self.seats.values():
                     seat.receive(ended)
 
@@ -289,34 +278,18 @@ def test_an_ending_that_the_pit_did_not_tell_the_seat_is_found_out(played: Playe
 # Piece by piece
 
 
-class Network:
-    """A session with one pit, which answers at once, or as it is told."""
-
-    def __init__(self, answer: Callable[[bytes], bytes]) -> None:
-        self.asked: list[tuple[str, int]] = []
-        self._answer = answer
-
-    def ask(self, key: str, payload: bytes, on_answer: Callable[[bytes], None], timeout_s: float) -> None:
-        request = decode(payload)
-        assert isinstance(request, JournalRequest)
-        self.asked.append((key, request.offset))
-        on_answer(self._answer(payload))
-
-
-def fetched(played: Played, answer: Callable[[bytes], bytes]) -> tuple[list[Verdict], Network, int]:
-    """Return what was found, what was asked, and how many answers went by the caller's thread."""
-    network, verdicts, n_deferred = Network(answer), [], 0  # type: Network, list[Verdict], int
-
-    def defer(handle: Callable[[bytes], None]) -> Callable[[bytes], None]:
-        def deferred(payload: bytes) -> None:
-            nonlocal n_deferred
-            n_deferred += 1
-            handle(payload)
-
-        return deferred
-
-    fetch(network, "pit", played.seats[Team.BLUE], PIT.public, defer, verdicts.append)  # type: ignore[arg-type]
-    return verdicts, network, n_deferred
+def fetch(played: Played, answer: Callable[[bytes], bytes]) -> tuple[Verdict, list[int]]:
+    """Return what was found, and the offsets that were asked for."""
+    download, journal, offsets = JournalDownload(), None, []  # type: JournalDownload, bytes | None, list[int]
+    try:
+        while journal is None:
+            request = decode(download.request())
+            assert isinstance(request, JournalRequest)
+            offsets.append(request.offset)
+            journal = download.receive(answer(download.request()))
+    except ArenaError as error:
+        return (None, str(error)), offsets
+    return audit(played.seats[Team.BLUE], journal, PIT.public), offsets
 
 
 def pit_of(played: Played, folder: Path, data: bytes) -> Callable[[bytes], bytes]:
@@ -331,23 +304,15 @@ def test_a_journal_comes_in_pieces(played: Played, tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(archive, "PIECE_BYTES", 400)
     data = played.journal()
 
-    verdicts, network, n_deferred = fetched(played, pit_of(played, tmp_path, data))
+    verdict, offsets = fetch(played, pit_of(played, tmp_path, data))
 
-    assert verdicts == [(True, TRUE)]
-    assert network.asked == [(topics.journal("pit", played.id), offset) for offset in range(0, len(data), 400)]
-    assert n_deferred == len(network.asked) > 2
+    assert verdict == (True, TRUE)
+    assert offsets == list(range(0, len(data), 400))
+    assert len(offsets) > 2
 
 
 def test_a_journal_of_one_piece_is_asked_for_once(played: Played, tmp_path: Path) -> None:
-    verdicts, network, _ = fetched(played, pit_of(played, tmp_path, played.journal()))
-
-    assert (verdicts, len(network.asked)) == ([(True, TRUE)], 1)
-
-
-def test_a_journal_that_does_not_hold_is_found_out_over_the_network(played: Played, tmp_path: Path) -> None:
-    verdicts, _, _ = fetched(played, pit_of(played, tmp_path, played.journal(keys=OTHER_KEYS)))
-
-    assert verdicts == [(False, "the journal's keys are not those that the pit committed itself to")]
+    assert fetch(played, pit_of(played, tmp_path, played.journal())) == ((True, TRUE), [0])
 
 
 @pytest.mark.parametrize(
@@ -362,16 +327,16 @@ def test_a_journal_that_does_not_hold_is_found_out_over_the_network(played: Play
     ],
 )
 def test_a_journal_that_cannot_be_had_is_no_verdict(played: Played, answer: Message, sentence: str) -> None:
-    ((holds, said),), network, _ = fetched(played, lambda _: encode(answer))
+    (holds, said), offsets = fetch(played, lambda _: encode(answer))
 
     assert holds is None
     assert said.startswith(sentence)
-    assert len(network.asked) == 1
+    assert offsets == [0]
 
 
 @pytest.mark.parametrize("answer", [b"", b"\xc1", b"junk", bytes(MOST_BYTES + 1)])
 def test_silence_and_noise_are_no_verdict(played: Played, answer: bytes) -> None:
-    ((holds, said),), _, _ = fetched(played, lambda _: answer)
+    (holds, said), _ = fetch(played, lambda _: answer)
 
     assert holds is None
     assert said.startswith("the journal cannot be had: ")
@@ -381,79 +346,4 @@ def test_a_pit_that_falls_silent_between_pieces_is_no_verdict(played: Played) ->
     data = played.journal()
     answers = [encode(JournalPiece(n_bytes=len(data), offset=0, data=data[:100])), b""]
 
-    verdicts, network, _ = fetched(played, lambda _: answers.pop(0))
-
-    assert verdicts == [(None, "the journal cannot be had: the pit is gone")]
-    assert [offset for _, offset in network.asked] == [0, 100]
-
-
-# A client whose connection is lost while it asks
-
-
-class Line:
-    """A connection that is there for some looks at it, and keeps what was asked."""
-
-    def __init__(self, looks: list[Callable[[], bool]]) -> None:
-        self.looks, self.n_looks = looks, 0
-        self.on_answers: list[Callable[[bytes], None]] = []
-
-    def declare_presence(self, key: str) -> None:
-        return
-
-    def is_connected(self) -> bool:
-        self.n_looks += 1
-        return self.looks.pop(0)() if self.looks else False
-
-    def ask(self, key: str, payload: bytes, on_answer: Callable[[bytes], None], timeout_s: float) -> None:
-        self.on_answers.append(on_answer)
-
-
-def test_an_audit_that_was_cut_off_does_not_keep_a_client_from_its_end(played: Played) -> None:
-    """Its question is answered by silence once the connection is closed; that is no answer to a later one."""
-    verdicts: list[Verdict] = []
-
-    def nothing(_: Any) -> None:
-        return
-
-    settings = Settings(
-        endpoint="",
-        pit="pit",
-        name="ann",
-        team="any",
-        make=Wanderer,
-        n_matches=1,
-        on_audit=lambda _, verdict: verdicts.append(verdict),
-    )
-    runner = Runner(settings, on_seat=nothing, on_end=nothing, on_wait=nothing)
-    (slot,) = runner._slots
-
-    def begin() -> bool:
-        runner._begin_audit(slot, played.seats[Team.BLUE], settings.on_audit or (lambda *_: None))
-        return False
-
-    def end() -> bool:
-        slot.is_done = True
-        return True
-
-    first, second = Line([begin]), Line([end])
-    runner._serve(first)  # type: ignore[arg-type]
-    (on_answer,) = first.on_answers
-    on_answer(b"")
-    runner._serve(second)  # type: ignore[arg-type]
-
-    assert runner._is_done()
-    assert second.n_looks == 1, "it went on as if there were something left to wait for"
-    assert verdicts == []
-
-
-def test_a_late_ending_of_a_match_that_has_ended_meanwhile_is_passed_over(played: Played) -> None:
-    """It was asked for while the pit told it."""
-    ended = played.seats[Team.BLUE].ended
-    assert ended is not None
-    heard: list[Seat] = []
-    settings = Settings(endpoint="", pit="pit", name="ann", team="any", make=Wanderer, n_matches=1)
-    runner = Runner(settings, on_seat=heard.append, on_end=heard.append, on_wait=lambda _: None)
-
-    runner._on_late_ending(runner._slots[0], sign_statement(PIT, ended))
-
-    assert heard == []
+    assert fetch(played, lambda _: answers.pop(0)) == ((None, "the journal cannot be had: the pit is gone"), [0, 100])

@@ -1,44 +1,115 @@
-"""The README and its docs keep their word."""
+"""The README and the pages of docs keep their word: links, paths, commands, targets, extras and programs are what they say."""
 
+import json
 import re
 import runpy
+import shlex
+import subprocess
+import tomllib
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pytest
+from typer.main import get_command
 
-from arena.game.observation import Observation, OwnUnit
-from arena.game.types import Action, Code, Team
-from tournaments.cli import COMMANDS
+from tournaments.cli import COMMANDS, app
 
 ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+MOST_WORDS = 700
+PAGES = {
+    str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
+    for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+    if path.name != "layout.md"  # made of docstrings
+}
+LINES = "\n".join(PAGES.values()).replace("\\\n", " ").splitlines()
+INDENTED = re.compile(r"^ {4}(?:.* (?:--|do) )?(arena .*)$")
+PROGRAMS = [block for page in PAGES.values() for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL)]
+BOTS = [block for block in PROGRAMS if "def act(" in block]
+ROOMS = ("arena", "benchmarks", "clients", "docs", "policies", "tests", "tournaments")
 
 
-def see(*, flag: tuple[int, int] | None) -> Observation:
-    """Return what blue sees with units at (2, 1) and (0, 1)."""
-    ground = np.zeros((4, 4), np.int8)
-    if flag is not None:
-        ground[flag] = Code.RED_FLAG
-    places = [(2, 1), (0, 1)]
-    units = tuple(
-        OwnUnit(index=index, type="ugv", row=row, column=column, alive=True, flies=False)
-        for index, (row, column) in enumerate(places)
-    )
-    return Observation(
-        tick=0, team=Team.BLUE, ground=ground, units=units, enemies=(), living=(2, 2), score=0, clock_s=None, seed=7
-    )
+def words(command: str) -> list[str]:
+    """Return a command line as its words, up to where the shell ends it."""
+    lexer = shlex.shlex(command.replace("$seed", "1"), posix=True, punctuation_chars=";|&")
+    lexer.whitespace_split, lexer.commenters = True, ""
+    found = list(lexer)
+    ends = [at for at, word in enumerate(found) if set(word) <= set(";|&") or word.startswith("#")]
+    return found[1 : min(ends, default=None)]
 
 
-def test_its_bot_walks_to_the_flag_that_it_sees_and_wanders_otherwise() -> None:
-    [code] = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    names: dict[str, object] = {}
-    exec(code, names)
-    act = names["act"]
-    assert callable(act)
+def anchors(page: str) -> set[str]:
+    """Return what a link can point at in a page, as GitHub names headings."""
+    headings = re.findall(r"^#+ (.*)$", page, re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
-    assert act(see(flag=(0, 3))) == [Action.NORTH, Action.EAST]
-    assert all(0 <= action <= 4 for action in act(see(flag=None)))
+
+def links() -> Iterator[tuple[str, str]]:
+    for name, page in PAGES.items():
+        for target in re.findall(r"\]\(([^)]+)\)", page):
+            if "://" not in target:
+                yield name, target
+
+
+def test_the_readme_is_short() -> None:
+    assert len(PAGES["README.md"].split()) <= MOST_WORDS
+
+
+@pytest.mark.parametrize(("page", "target"), sorted(set(links())))
+def test_a_link_leads_somewhere(page: str, target: str) -> None:
+    file, _, anchor = target.partition("#")
+    place = (ROOT / page).parent / file if file else ROOT / page
+
+    assert place.is_file()
+    assert not anchor or anchor in anchors(place.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("path", sorted(set(re.findall(rf"`((?:{'|'.join(ROOMS)})/[\w./-]+)`", "\n".join(LINES)))))
+def test_a_path_that_is_named_exists(path: str) -> None:
+    assert (ROOT / path).exists()
+
+
+@pytest.mark.parametrize("line", sorted({found[1] for found in map(INDENTED.match, LINES) if found}))
+def test_a_command_line_is_one_that_the_arena_takes(line: str) -> None:
+    command: Any = get_command(app)
+    context = command.make_context("arena", words(line))
+    while True:
+        rest = [*context._protected_args, *context.args]
+        if not rest or not hasattr(context.command, "get_command"):
+            break
+        inner = context.command.get_command(context, rest[0])
+        context = inner.make_context(rest[0], rest[1:], parent=context)
+
+
+@pytest.mark.parametrize("line", sorted(set(re.findall(r"`(arena [a-z][^`]*)`", "\n".join(LINES)))))
+def test_a_command_that_is_mentioned_has_the_options_that_it_is_mentioned_with(line: str) -> None:
+    command: Any = get_command(app)
+    name, *rest = words(line.replace("\\|", ","))
+    nodes = [command.get_command(command.make_context("arena", [name, "--help"], resilient_parsing=True), name)]
+    if rest and hasattr(nodes[0], "commands") and not rest[0].startswith("-"):
+        nodes += [nodes[0].commands[sub] for sub in rest[0].split(",")]
+    known = {option for node in nodes for parameter in node.params for option in parameter.opts + parameter.secondary_opts}
+
+    assert {word.partition("=")[0] for word in rest if word.startswith("--")} <= known | {"--help"}
+
+
+def test_every_command_has_its_row() -> None:
+    rows = re.findall(r"^\| `arena ([a-z-]+)", PAGES["docs/commands.md"], re.MULTILINE)
+
+    assert set(rows) == set(COMMANDS)
+
+
+def test_every_extra_has_its_row() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+
+    assert set(re.findall(r"^\| `([a-z]+)`", PAGES["docs/install.md"], re.MULTILINE)) == extras.keys() - {"dev"}
+
+
+def test_targets_that_are_named_exist() -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    named = {name for line in LINES for name in re.findall(r"(?:^ {4}|`)make ([a-z-]+)", line)}
+
+    assert named <= targets
 
 
 def test_the_map_of_modules_is_the_one_that_is_generated() -> None:
@@ -47,17 +118,19 @@ def test_the_map_of_modules_is_the_one_that_is_generated() -> None:
     assert made == (ROOT / "docs" / "layout.md").read_text(encoding="utf-8"), "run `make layout`"
 
 
-@pytest.mark.parametrize("path", sorted(set(re.findall(r"`(docs/[a-z-]+\.md)`", README))))
-def test_a_page_that_it_names_exists(path: str) -> None:
-    assert (ROOT / path).is_file()
+@pytest.mark.parametrize("code", BOTS, ids=lambda code: re.findall(r'"""(\w+)', code)[0])
+def test_a_bot_plays_without_a_fault(code: str, here: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
+    bot = tmp_path / "mybot.py"
+    bot.write_text(code)
+
+    done = here("play", bot, "random", "--pairs", 5, "--seed", 1, "--workers", 1, "--json")
+
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert report["faults"]["mybot"]["raised"] == report["faults"]["mybot"]["illegal"] == 0
+    assert report["score"] > 0.3
 
 
-@pytest.mark.parametrize("command", sorted(set(re.findall(r"^\| `arena ([a-z-]+)", README, re.MULTILINE))))
-def test_a_command_that_it_names_exists(command: str) -> None:
-    assert command in COMMANDS
-
-
-def test_its_targets_exist() -> None:
-    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-
-    assert set(re.findall(r"make ([a-z-]+)", README)) <= targets
+@pytest.mark.parametrize("code", [block for block in PROGRAMS if block not in BOTS], ids=lambda code: code.partition("\n")[0])
+def test_a_program_runs(code: str) -> None:
+    exec(code, {})

@@ -80,9 +80,8 @@ def test_a_person_plays_a_match_against_patrol_to_its_end(
     screen = terminal(
         "join", f"arena://127.0.0.1:{port}/pit", "--team", "red", "--policy", "human", "--autopilot", "rush", "--name", "me"
     )
-    screen.wait_for("s left")
-    assert "tick 0 of 100" in screen.said
-    assert "You are red against patrol" in screen.said
+    for text in ("s left", "tick 0 of 100", "You are red against patrol"):  # a screen is painted in pieces
+        screen.wait_for(text)
     screen.press("1w2\t")
     while "Press Enter to go on" not in screen.said:
         screen.press("\r")  # its every answer is a sign that it may be pressed again

@@ -14,14 +14,15 @@ from arena.game.ruleset import load
 from arena.local.venue import play
 from arena.match.time_control import TimeControl
 from arena.network.session import open_router
+from arena.pit.effects import MatchEnded
 from arena.pit.match_session import PitContext
-from arena.pit.referee import Played, Referee
+from arena.pit.referee import Referee
 from arena.pit.seating import PlannedSeating
 from arena.protocol.identity import Identity
 from arena.records.journal import journal_name, load_journal, read_journal
 from arena.records.plan import MatchPlan
 from clients.runner import Runner
-from clients.settings import Settings
+from clients.settings import ClientSettings
 from policies import registry
 from tournaments.venues import ray_cluster as cluster
 
@@ -44,20 +45,21 @@ def plans(pairs: list[tuple[str, str]]) -> list[MatchPlan]:
     ]
 
 
-def play_on_the_network(wanted: list[MatchPlan], port: int, folder: Path, n_slots: int) -> list[Played]:
+def play_on_the_network(wanted: list[MatchPlan], port: int, folder: Path, n_slots: int) -> list[MatchEnded]:
     """Play plans over Zenoh: the referee in this thread, each entry's client in one of its own."""
-    played: list[Played] = []
+    played: list[MatchEnded] = []
     given_up = threading.Event()
     timer = threading.Timer(PATIENCE_S, given_up.set)
     timer.start()
     with open_router(f"tcp/127.0.0.1:{port}", "pit") as session:
         seating = PlannedSeating(wanted)
-        house = PitContext(session=session, pit="pit", identity=Identity.make())
-        referee = Referee(house, PAPER, seating, TimeControl(turn_time_s=None, grace_s=PATIENCE_S), folder, on_end=played.append)
+        context = PitContext(pit="pit", identity=Identity.make())
+        time_control = TimeControl(turn_time_s=None, grace_s=PATIENCE_S)
+        referee = Referee(session, context, PAPER, seating, time_control, folder, on_end=played.append)
         names = sorted({name for plan in wanted for name in (plan.blue, plan.red)})
         runners = [
             Runner(
-                Settings(
+                ClientSettings(
                     endpoint=f"tcp/127.0.0.1:{port}",
                     pit="pit",
                     name=name,

@@ -24,8 +24,9 @@ from arena.game.types import Team
 from arena.keyring.files import load_secret
 from arena.match.time_control import TimeControl
 from arena.network.session import free_port, open_router
+from arena.pit.effects import MatchEnded
 from arena.pit.match_session import PitContext
-from arena.pit.referee import Played, Referee
+from arena.pit.referee import Referee
 from arena.pit.seating import PlannedSeating
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
@@ -45,7 +46,7 @@ from arena.protocol.messages import (
     Turn,
     Wait,
 )
-from arena.protocol.observation_codec import timeless
+from arena.protocol.observation_codec import without_clock
 from arena.protocol.sealing import Direction, Opener, derive_key, seat_context, truth_opener
 from arena.protocol.signed import commit, read_statement, sign_receipt
 from arena.records.journal import Journal, load_journal, match_id, read_journal
@@ -54,7 +55,7 @@ from arena.records.replay import replay
 from arena.records.transcript import Head
 from arena.records.verification import watch
 from clients.runner import Runner
-from clients.settings import Settings
+from clients.settings import ClientSettings
 from policies import registry
 
 PATIENCE_S = 60.0
@@ -156,7 +157,7 @@ def gather(ear: Ear, folder: Path) -> list[Overheard]:
 
 def client(endpoint: str, policy: str, team: str, n_matches: int | None) -> Runner:
     """Return what plays as `arena join` does, and checks the journals."""
-    settings = Settings(
+    settings = ClientSettings(
         endpoint=endpoint,
         pit="pit",
         name=policy,
@@ -349,7 +350,7 @@ def test_the_truth_opens_with_the_spectator_key_and_no_other(evening: Evening) -
                 truth = decode(opener.open(data[SALT_BYTES:]))
                 assert isinstance(truth, Truth)
                 assert (truth.tick, truth.board) == (tick, match.boards[tick])
-                assert [timeless(seen) for seen in truth.seen] == [side[tick] for side in match.shown]
+                assert [without_clock(seen) for seen in truth.seen] == [side[tick] for side in match.shown]
                 assert pieces([truth.board]) & pieces(match.boards), "a piece would have been found"
 
 
@@ -414,7 +415,7 @@ def test_a_player_with_two_connections_opens_its_own_seat_and_nothing_else(
     (match,) = gather(ear, tmp_path)
     assert len(answers) == 4
     assert all(isinstance(answer, Refusal) for answer in answers), answers
-    assert [timeless(data) for data in shown] == match.shown[Team.RED][:-1]
+    assert [without_clock(data) for data in shown] == match.shown[Team.RED][:-1]
     assert not pieces([data for side in (*match.shown, match.boards) for data in side]) & pieces(ear.heard)
     ((attempt, ticket),) = seats
     theirs, truths = match.on(SEATS[Team.BLUE]), [data[SALT_BYTES:] for data in match.on("truth")]
@@ -440,13 +441,13 @@ def test_the_journal_of_leg_one_is_given_when_leg_two_is_over_and_not_before(por
         )
         for leg, (blue, red) in enumerate([("eve", "patrol"), ("patrol", "eve")])
     ]
-    played: list[Played] = []
+    played: list[MatchEnded] = []
     is_over = threading.Event()
     given: dict[str, Any] = {}
     with open_router(f"tcp/127.0.0.1:{port}", "pit") as session:
-        house = PitContext(session=session, pit="pit", identity=Identity.make(), spectator_key=bytes(32))
+        context = PitContext(pit="pit", identity=Identity.make(), spectator_key=bytes(32))
         ruleset, time_control = load("paper").with_({"tick_limit": 12}), TimeControl(turn_time_s=None, grace_s=PATIENCE_S)
-        referee = Referee(house, ruleset, PlannedSeating(plans), time_control, tmp_path, on_end=played.append)
+        referee = Referee(session, context, ruleset, PlannedSeating(plans), time_control, tmp_path, on_end=played.append)
         runner = client(f"tcp/127.0.0.1:{port}", "patrol", "any", None)
 
         def run() -> None:
@@ -489,6 +490,6 @@ def test_the_journal_of_leg_one_is_given_when_leg_two_is_over_and_not_before(por
         signed = decode(ticket.commitment)
         assert isinstance(signed, Signed)
         digest = commit(ticket.match, journal.header.keys)
-        assert read_statement(signed, house.identity.public) == Commitment(match=ticket.match, digest=digest)
+        assert read_statement(signed, context.identity.public) == Commitment(match=ticket.match, digest=digest)
         assert journal.header.keys == plan.keys
         assert len(watch(journal)[Team.BLUE]) == len(journal.ticks) + 1

@@ -66,8 +66,8 @@ def serve(
     from arena.pit.pit import Pit, PitSettings
     from arena.pit.register import Register, read_invites
     from arena.protocol.topics import check_chunk
-    from tournaments.commands.web_page import web_page
     from tournaments.ladder.methods import DEFAULT, find_ladder
+    from tournaments.web_page import check, web_page
 
     if db and not ladder:
         raise InputError("--db is where a ladder is kept; give --ladder as well")
@@ -75,6 +75,8 @@ def serve(
         raise InputError("--ladder-method is how a ladder rates; give --ladder as well")
     if web is not None and no_web:
         raise InputError("--web and --no-web exclude each other")
+    if web is not None:
+        check()
     if seed is not None:
         typer.echo("arena: warning: anyone can try small seeds; strangers should not be seated under --seed", err=True)
     open_ladder = find_ladder(ladder_method or DEFAULT) if ladder else None
@@ -120,12 +122,7 @@ def serve(
 
 def _describe(played: Any) -> str:
     """Return a line on how a match ended, with what was counted."""
-    header, result = played.header, played.result
-    winner = "draw" if result.winner is None else f"{result.winner.name.lower()} wins"
-    why = f" ({result.reason})" if result.reason else ""
-    how = result.ending.name.lower().replace("_", " ")
+    header = played.header
     counted = [f"{team.name.lower()} {n} {what}" for team, seat in played.seats.items() for what, n in seat.faults().items() if n]
-    return (
-        f"{header.identity}: blue {header.blue}, red {header.red}: {winner} by {how}{why} "
-        f"after {result.ticks} ticks, score {result.score:+d} for blue{'; counted: ' + ', '.join(counted) if counted else ''}"
-    )
+    faults = f"; counted: {', '.join(counted)}" if counted else ""
+    return f"{header.identity}: blue {header.blue}, red {header.red}: {played.result.describe()}{faults}"

@@ -37,23 +37,27 @@ def web(
     import sys
     import threading
 
-    import uvicorn
-
     from arena.display.replay_frames import warm
+    from arena.extras import needs
     from arena.folders import data_folder
     from arena.keyring.files import load_or_make, load_secret
     from arena.keyring.ring import entry_key_path
     from arena.network.address import parse_address
     from arena.protocol.identity import to_text
     from arena.protocol.topics import check_chunk
-    from clients.cli import trust
-    from clients.human.turn_mailbox import Desk
-    from clients.settings import Settings
+    from clients.commands.connecting import trust
+    from clients.human.turn_mailbox import TurnMailbox
+    from clients.settings import ClientSettings
     from clients.web.guard import LOOPBACK
     from clients.web.pit import PitClient
     from clients.web.play import Players
-    from clients.web.server import WebSettings, listen, make_app
     from tournaments.reports.web_leagues import Leagues
+
+    with needs("web", "arena web"):
+        import uvicorn
+        from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+        from clients.web.server import WebSettings, listen, make_app
 
     names = [*LOOPBACK, *(name or ())]
     if host in ("0.0.0.0", "::"):
@@ -66,13 +70,13 @@ def web(
     folder = data_folder(data)
     client = PitClient(address, authority, lambda pit_key: trust(address, pit_key))
 
-    def make_settings(name: str, team: str, invite: str) -> Settings:
-        return Settings(
+    def make_settings(name: str, team: str, invite: str) -> ClientSettings:
+        return ClientSettings(
             endpoint=address.endpoint,
             pit=address.pit,
             name=check_chunk("the name", name),
             team=team,
-            make=Desk().make,
+            make=TurnMailbox().make,
             n_matches=1,
             identity=load_or_make(entry_key_path(name)),
             invite=invite,
@@ -93,7 +97,7 @@ def web(
         warm()
         typer.echo(f"web page at http://{shown}:{listening.getsockname()[1]}/{fragment}")
         config = uvicorn.Config(
-            make_app(settings), log_level="warning", ws="websockets-sansio", timeout_graceful_shutdown=_GOODBYE_S
+            make_app(settings), log_level="warning", ws=WebSocketsSansIOProtocol, timeout_graceful_shutdown=_GOODBYE_S
         )
         server = uvicorn.Server(config)
         if ends_with_stdin:

@@ -23,8 +23,9 @@ from arena.local.workers import follow_parent
 from arena.match.match import SeatRecord
 from arena.network.address import Address
 from arena.network.session import open_router
+from arena.pit.effects import MatchEnded
 from arena.pit.match_session import PitContext
-from arena.pit.referee import Played, Referee
+from arena.pit.referee import Referee
 from arena.pit.register import Register
 from arena.pit.seating import PlannedSeating
 from arena.records.plan import MatchPlan
@@ -260,13 +261,14 @@ def _serve(said: Connection, address: Address, entries: Mapping[str, bytes], set
     with open_router(address.endpoint, address.pit) as session:
         seating = PlannedSeating(plans)
         referee = Referee(
-            PitContext(session=session, pit=address.pit, identity=identity),
+            session,
+            PitContext(pit=address.pit, identity=identity),
             setting.ruleset,
             seating,
             setting.time_control,
             setting.journals,
             register=Register(names=entries),
-            on_end=lambda played: said.send(_of_played(played)),
+            on_end=lambda ended: said.send(_of_match(ended)),
         )
         signal.signal(signal.SIGTERM, lambda *_: referee.stop())
         seating.withdraw(referee.resume(lambda identity: identity in ours))
@@ -277,8 +279,8 @@ def _serve(said: Connection, address: Address, entries: Mapping[str, bytes], set
             referee.close()
 
 
-def _of_played(played: Played) -> Outcome:
-    return Outcome.of(played.header, played.result, {team: _of_seat(seat) for team, seat in played.seats.items()})
+def _of_match(ended: MatchEnded) -> Outcome:
+    return Outcome.of(ended.header, ended.result, {team: _of_seat(seat) for team, seat in ended.seats.items()})
 
 
 def _of_seat(seat: SeatRecord) -> SeatOutcome:

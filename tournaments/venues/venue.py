@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
-from arena.errors import InputError
+from arena.extras import needs
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.keyring.files import load_or_make
@@ -90,12 +90,8 @@ def play_ray(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
     InputError
         Ray is not installed.
     """
-    try:
+    with needs("cluster", "the venue ray"):
         from tournaments.venues.ray_cluster import play
-    except ModuleNotFoundError as error:
-        if error.name != "ray":
-            raise
-        raise InputError("the venue ray needs Ray, which is not installed here: pip install 'arena-pit[cluster]'") from error
     return _play_rest(setting, plans, lambda left: play(setting.ruleset, left, setting.entries, journals=setting.journals))
 
 

@@ -29,6 +29,19 @@ export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+/** What the server gave this page: its script, its parameters, and the routes of `clients/web/routes.py`. */
+export const start = JSON.parse(document.getElementById("main").dataset.start);
+
+/** The path of a route: `{name}` is filled from `values`, and what is left of them becomes the query. */
+export function route(name, values = {}) {
+  const query = new URLSearchParams(values);
+  const path = start.routes[name].replace(/\{(\w+)\}/g, (_, key) => {
+    query.delete(key);
+    return encodeURIComponent(values[key]);
+  });
+  return query.size ? `${path}?${query}` : path;
+}
+
 /** Ask the server, and return what it answers; {error} if it does not. */
 export async function ask(path) {
   try {

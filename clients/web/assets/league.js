@@ -1,6 +1,6 @@
 // The leaderboard: the report of the store, live. Ratings with their intervals, the cross table, and every replay.
 import { TEAMS } from "./board.js";
-import { ask, fill, h, say, signed, words } from "./dom.js";
+import { ask, fill, h, route, say, signed, words } from "./dom.js";
 
 const EVERY_MS = 5000;
 const WIDEST_PLOT = 760;
@@ -60,7 +60,7 @@ class LeaguePage {
   }
 
   async refresh() {
-    const { leagues = [], error } = await ask("/api/leagues");
+    const { leagues = [], error } = await ask(route("leagues"));
     if (error || !leagues.length) {
       this.tell(error ?? "There is no league yet. Make one with: arena tournament init friday.toml", Boolean(error));
       return;
@@ -68,7 +68,7 @@ class LeaguePage {
     const name = leagues.includes(this.query.get("name")) ? this.query.get("name") : leagues[0];
     fill(this.choice, leagues.map((one) => h("option", { value: one }, one)));
     this.choice.value = name;
-    const report = await ask(`/api/league?name=${encodeURIComponent(name)}`);
+    const report = await ask(route("league", { name }));
     if (report.error) {
       this.tell(report.error, true);
       return;

@@ -1,5 +1,5 @@
 // The lobby: what everyone may know of the pit, and how to join it.
-import { ask, fill, h, say, spectatorKey, tellEnding } from "./dom.js";
+import { ask, fill, h, route, say, spectatorKey, tellEnding } from "./dom.js";
 
 const EVERY_MS = 1000;
 
@@ -25,7 +25,7 @@ export function show(main) {
   );
 
   async function refresh() {
-    const answer = await ask("/api/lobby");
+    const answer = await ask(route("lobby"));
     const { lobby } = answer;
     say(state, answer.error ?? (lobby ? `The pit \u201c${lobby.pit}\u201d is open; matches so far: ${lobby.n_begun}.` : `The pit is away: ${answer.trouble}.`));
     state.classList.toggle("bad", !lobby);

@@ -1,6 +1,6 @@
 // A match: Figure 2 of the paper, live or replayed. A team's fogged board stands beside the truth.
 import { TEAMS } from "./board.js";
-import { ask, connect, fill, h, say, signed, spectatorKey, tellEnding } from "./dom.js";
+import { ask, connect, fill, h, route, say, signed, spectatorKey, tellEnding } from "./dom.js";
 import { Player } from "./player.js";
 
 const AGAIN_MS = 1000;
@@ -15,8 +15,8 @@ class MatchPage {
   constructor(main, match, league, identity) {
     this.match = match;
     this.source = league
-      ? `/api/league/replay?league=${encodeURIComponent(league)}&identity=${encodeURIComponent(identity ?? "")}`
-      : `/api/replay/${encodeURIComponent(match)}`;
+      ? route("league_replay", { league, identity: identity ?? "" })
+      : route("replay", { match });
     this.isOfLeague = league !== null;
     this.back = league ? ["/league", "leaderboard"] : ["/", "lobby"];
     this.title = h("h1", {}, "Match");
@@ -35,7 +35,7 @@ class MatchPage {
 
   listen() {
     this.isWatched = false;
-    connect(`/ws/match/${encodeURIComponent(this.match)}`, { key: spectatorKey.get() }, (message) => this.hear(message), () => {
+    connect(route("watch_match", { match: this.match }), { key: spectatorKey.get() }, (message) => this.hear(message), () => {
       if (this.player?.isWhole || this.isGone || this.ending) return;
       this.tell("The web server is gone; looking for it...", true);
       setTimeout(() => this.listen(), AGAIN_MS);

@@ -1,6 +1,6 @@
 // Play: a seat for a person. The fogged board, the units with their standing orders, and what each may do now.
 import { Board, CODE, TEAMS } from "./board.js";
-import { ask, connect, fill, h, say, signed, words } from "./dom.js";
+import { ask, connect, fill, h, route, say, signed, words } from "./dom.js";
 
 const AGAIN_MS = 1000;
 const HURRY_S = 10;
@@ -11,7 +11,7 @@ const KEYS = {
 
 export async function show(main) {
   document.title = "Play - Arena";
-  const [offer, lobby] = await Promise.all([ask("/api/play"), ask("/api/lobby")]);
+  const [offer, lobby] = await Promise.all([ask(route("play")), ask(route("lobby"))]);
   new PlayPage(main, offer, lobby).begin();
 }
 
@@ -65,7 +65,7 @@ class PlayPage {
 
   listen(first) {
     this.isRefused = false;
-    this.socket = connect("/ws/play", first, (message) => this.hear(message), () => {
+    this.socket = connect(route("play_match"), first, (message) => this.hear(message), () => {
       if (this.isRefused || this.told?.kind === "over" || this.told?.kind === "failed") return;
       this.tell("The connection is lost; your seat waits. Connecting again...", true);
       setTimeout(() => this.listen({ token: sessionStorage.getItem("seat") }), AGAIN_MS);

@@ -22,7 +22,7 @@ from arena.game.keys import MatchKeys
 from arena.game.ruleset import load
 from arena.game.types import Action, Team
 from arena.local.venue import play
-from arena.protocol.observation_codec import Writer, timeless
+from arena.protocol.observation_codec import ObservationWriter, without_clock
 from arena.records.journal import Journal, read_journal
 from arena.records.plan import MatchPlan
 from arena.records.verification import watch
@@ -53,7 +53,7 @@ def orders_of(journal: Journal) -> Iterator[dict[Team, np.ndarray]]:
 def wire(env: Any) -> dict[Team, bytes]:
     """Return what each seat would be sent now, on the network."""
     games = env._episodes.games
-    return {team: timeless(Writer(seen, 0).write()) for team, seen in games.observe().items()}
+    return {team: without_clock(ObservationWriter(seen, 0).write()) for team, seen in games.observe().items()}
 
 
 @pytest.mark.parametrize("agents", ["units", "teams"])
@@ -116,7 +116,7 @@ def test_the_same_keys_and_orders_give_the_bytes_of_the_local_venue_and_of_the_n
 @pytest.mark.parametrize("team", list(Team))
 def test_an_opponent_plays_as_it_does_in_the_local_venue(journal: Journal, team: Team) -> None:
     opponent = (journal.header.blue, journal.header.red)[team.other]
-    env = make_single(opponent, team.name.lower(), SMALL)
+    env = make_single(opponent, team=team.name.lower(), ruleset=SMALL)
     env.reset(options={"keys": KEYS})
     total, shown = 0.0, watch(journal)
 

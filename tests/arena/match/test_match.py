@@ -12,10 +12,10 @@ from arena.errors import JournalError
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team, Termination
-from arena.match.effects import Ask, End, Event, Publish, Write
+from arena.match.effects import Ask, Effect, End, Publish, Write
 from arena.match.match import WIN, Match, Phase
 from arena.match.time_control import TimeControl
-from arena.protocol.observation_codec import unpack
+from arena.protocol.observation_codec import ObservationReader
 from arena.records.journal import Header, Journal, Mark, read_journal, whole_part
 from arena.records.replay import verify
 
@@ -43,9 +43,9 @@ class Table:
     def __init__(self, *, time_control: TimeControl = TERMS, ruleset: Ruleset = SMALL, now_s: float = 0.0) -> None:
         self.match = Match(replace(HEADER, ruleset=ruleset), time_control, now_s)
         self.journal = self.match.start_record
-        self.events: list[Event] = []
+        self.events: list[Effect] = []
 
-    def do(self, events: list[Event]) -> list[str]:
+    def do(self, events: list[Effect]) -> list[str]:
         """Carry out events, and return them in words."""
         self.events += events
         self.journal += b"".join(event.data for event in events if isinstance(event, Write))
@@ -68,13 +68,15 @@ class Table:
     def clock_s(self, team: Team) -> float | None:
         """Return the clock that a team was shown last."""
         shown = [event for event in self.events if isinstance(event, Ask) and event.team is team][-1]
-        return unpack(shown.observation, self.match.header.ruleset, team).seat(0, self.match.header.ruleset).clock_s
+        return (
+            ObservationReader(self.match.header.ruleset, team).read(shown.observation).seat(0, self.match.header.ruleset).clock_s
+        )
 
     def cells(self) -> list[int]:
         return [int(cell) for team in Team for cell in self.match._games.observe()[team].cell[0]]
 
 
-def word(event: Event) -> str:
+def word(event: Effect) -> str:
     if isinstance(event, Ask):
         return f"ask {event.team.name.lower()} {event.tick}"
     return type(event).__name__.lower()

@@ -1,4 +1,4 @@
-"""Who sits where on a ladder, and what a pit that was killed still owes to it."""
+"""Who plays whom on a ladder, and what a pit that was killed still owes to it."""
 
 import logging
 from collections.abc import Collection, Sequence
@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
+from offline_pit import OfflinePit, Player
 
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load
@@ -14,14 +15,13 @@ from arena.game.types import RULES_VERSION, Team, Termination
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.network.address import Address
-from arena.pit.admission import MOST_RUNNING, Admission, Floor, QueuedClient
-from arena.pit.authenticator import Authenticator
+from arena.pit import admission
+from arena.pit.core import MOST_LISTED, MOST_STANDINGS
+from arena.pit.effects import MatchEnded
 from arena.pit.ladder import MOST_CONSIDERED, Ladder, LadderMatch, LadderSeating, Waiting, find_uncounted
-from arena.pit.lobby_publisher import _MOST_LISTED, MOST_STANDINGS
 from arena.pit.pit import Pit, PitSettings, _next_number
-from arena.pit.referee import Played
 from arena.pit.register import Register
-from arena.pit.seating import Pairing, SeatId
+from arena.pit.seats import SlotId
 from arena.policy import MatchResult
 from arena.protocol import signed as facts
 from arena.protocol.codec import MOST_BYTES, encode
@@ -61,23 +61,23 @@ def plan(blue: str, red: str) -> MatchPlan:
 
 
 def seating(ladder: FirstTwo | None = None, n_matches: int | None = None) -> LadderSeating:
-    return LadderSeating(ladder or FirstTwo(), plan, n_matches, lambda: 7.0)
+    return LadderSeating(ladder or FirstTwo(), plan, n_matches)
 
 
-def seat(name: str, slot: int = 0) -> SeatId:
-    return SeatId(name.encode(), name, slot)
+def seat(name: str, slot: int = 0) -> SlotId:
+    return SlotId(name.encode(), name, slot)
 
 
-def place(at: LadderSeating, name: str, slot: int = 0, team: str = "any", called: str = "") -> Any:
+def place(at: LadderSeating, name: str, slot: int = 0, team: str = "any", called: str = "", now_s: float = 7.0) -> Any:
     request = JoinRequest(
         rules_version=RULES_VERSION, name=called or name, team=team, client=name, slot=slot, entry=name.encode()
     )
-    return at.place(seat(name, slot), request)
+    return at.place(seat(name, slot), request, now_s)
 
 
-def pair_up(at: LadderSeating) -> tuple[str, SeatId, SeatId] | None:
+def pair_up(at: LadderSeating) -> tuple[str, SlotId, SlotId] | None:
     pairing = at.pair_up(9.0)
-    return pairing and (pairing.plan.identity, pairing.seats[Team.BLUE], pairing.seats[Team.RED])
+    return pairing and (pairing.plan.identity, pairing.slots[Team.BLUE], pairing.slots[Team.RED])
 
 
 def test_two_that_wait_meet_when_the_ladder_says_so() -> None:
@@ -141,12 +141,10 @@ def test_the_ladder_chooses_among_those_who_have_waited_longest() -> None:
 
 
 def test_who_asks_again_has_waited_all_the_while() -> None:
-    times = iter((1.0, 2.0, 3.0, 4.0))
     ladder = FirstTwo()
-    at = LadderSeating(ladder, plan, None, lambda: next(times))
-    place(at, "ann")
-    place(at, "bob")
-    place(at, "ann")
+    at = seating(ladder)
+    for now_s, name in enumerate(("ann", "bob", "ann"), 1):
+        place(at, name, now_s=now_s)
 
     pair_up(at)
 
@@ -192,21 +190,22 @@ def test_it_plans_nothing_and_tells_the_standings() -> None:
     assert at.standings() == [{"name": "ann"}]
 
 
-@pytest.mark.parametrize("n_running", [0, MOST_RUNNING])
-def test_a_match_begins_in_a_sweep_if_there_is_room(n_running: int) -> None:
-    at, begun = seating(), list[Pairing]()
-    tables = {str(number): None for number in range(n_running)}
-    floor = SimpleNamespace(tables=tables, begin=lambda pairing, entries: begun.append(pairing))
-    reception = Admission(cast(Floor, floor), cast(Authenticator, None), Register(), RULES, at)
-    for name in ("ann", "bob"):
-        place(at, name)
-        request = JoinRequest(rules_version=RULES_VERSION, name=name, team="any", client=name, slot=0, entry=name.encode())
-        reception.guests[seat(name)] = QueuedClient(request, None, 0.0)
+def test_a_match_begins_as_time_passes_if_there_is_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    ladder = FirstTwo()
+    pit = OfflinePit(seating(ladder))
+    ladder.is_open = False
+    players = [Player(pit, name) for name in ("ann", "bob")]
+    assert [player.ask() for player in players] == [None, None]
+    ladder.is_open = True
+    monkeypatch.setattr(admission, "MOST_RUNNING", 0)
+    pit.pass_time()
+    assert pit.core.n_running == 0
 
-    reception.sweep(0.0)
+    monkeypatch.undo()
+    pit.pass_time()
 
-    assert [pairing.seats for pairing in begun] == ([] if n_running else [{Team.BLUE: seat("ann"), Team.RED: seat("bob")}])
-    assert len(reception.guests) == (2 if n_running else 0)
+    assert [player.take().team for player in players] == list(Team)
+    assert pit.lobby().standings == [{"name": "ann"}]
 
 
 # What a killed pit owes
@@ -263,18 +262,18 @@ def test_a_journal_that_does_not_hold_is_not_counted(tmp_path: Path, caplog: pyt
 
 
 def test_no_number_is_given_twice_to_matches_with_a_journal_or_a_result(tmp_path: Path) -> None:
-    assert _next_number(tmp_path, "pit/ladder/", ()) == 0
+    assert _next_number(tmp_path, "pit", (), is_rated=True) == 0
     for identity in ("pit/ladder/000004/ann/bob", "pit/000007/ann/bob", "pit2/ladder/000030/ann/bob"):
         (tmp_path / journal_name(identity)).touch()
 
-    assert _next_number(tmp_path, "pit/ladder/", ()) == 5
-    assert _next_number(tmp_path, "pit/ladder/", {"pit/ladder/000011/ann/bob", "pit/ladder/000002/ann/bob"}) == 12
-    assert _next_number(tmp_path, "pit/", ()) == 8
+    assert _next_number(tmp_path, "pit", (), is_rated=True) == 5
+    assert _next_number(tmp_path, "pit", {"pit/ladder/000011/ann/bob", "pit/ladder/000002/ann/bob"}, is_rated=True) == 12
+    assert _next_number(tmp_path, "pit", (), is_rated=False) == 8
 
 
 def test_a_match_that_was_begun_without_the_ladder_is_not_counted(tmp_path: Path) -> None:
     counted: list[str] = []
-    told: list[str] = []
+    reported: list[str] = []
     ladder = SimpleNamespace(count=lambda match: counted.append(match.identity))
     identity = Identity.make()
     pit = Pit(
@@ -287,11 +286,11 @@ def test_a_match_that_was_begun_without_the_ladder_is_not_counted(tmp_path: Path
     for name in ("pit/000001/ann/bob", "pit/ladder/000001/ann/bob"):
         header = Header(identity=name, blue="ann", red="bob", ruleset=RULES, keys=KEYS)
         result = MatchResult(ending=Termination.CAPTURE, winner=None, score=0, ticks=9, reason="")
-        played = Played(header=header, result=result, seats={}, entries=dict.fromkeys(Team, identity.public))
-        pit._tell(played, lambda played: told.append(played.header.identity))
+        ended = MatchEnded(header=header, result=result, seats={}, entries=dict.fromkeys(Team, identity.public))
+        pit._report(ended, lambda ended: reported.append(ended.header.identity))
 
     assert counted == ["pit/ladder/000001/ann/bob"]
-    assert told == ["pit/000001/ann/bob", "pit/ladder/000001/ann/bob"]
+    assert reported == ["pit/000001/ann/bob", "pit/ladder/000001/ann/bob"]
 
 
 # Around it
@@ -310,8 +309,8 @@ def test_the_longest_lobby_fits_one_message() -> None:
         ruleset={**rules_values(load("paper")), "board": "#" * 64 * 64},
         needs_invite=True,
         n_begun=1 << 31,
-        running=[{"match": "m" * 16, "blue": name, "red": name, "tick": 1 << 31}] * _MOST_LISTED,
-        waiting=[name] * _MOST_LISTED,
+        running=[{"match": "m" * 16, "blue": name, "red": name, "tick": 1 << 31}] * MOST_LISTED,
+        waiting=[name] * MOST_LISTED,
         standings=[standing] * MOST_STANDINGS,
     )
 

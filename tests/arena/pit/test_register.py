@@ -168,11 +168,32 @@ def test_an_invite_is_not_taken_over_by_a_later_key() -> None:
 # The file
 
 
+def test_a_register_that_changed_says_so_until_it_is_saved() -> None:
+    register = Register(invites=["code"], names={"ann": ANN})
+    changes = (
+        lambda: register.claim("bob", BOB),
+        lambda: register.admit(request(ANN, invite="code")),
+        lambda: register.release("bob"),
+        lambda: register.ban("bob", BOB),
+    )
+    for change in changes:
+        assert not register.is_changed
+        change()
+        assert register.is_changed
+        register.save()
+
+    register.claim("ann", BOB)
+    register.admit(request(ANN, invite="code"))
+    register.release("nobody")
+    assert not register.is_changed
+
+
 def filled(path: Path) -> Register:
     register = Register(path, invites=["code", "other"])
     register.claim("ann", ANN)
     register.admit(request(ANN, invite="code"))
     register.ban("bob", BOB)
+    register.save()
     return register
 
 
@@ -189,7 +210,9 @@ def test_names_invites_and_bans_outlive_the_process(tmp_path: Path) -> None:
 
 
 def test_a_released_name_stays_released(tmp_path: Path) -> None:
-    filled(tmp_path / "register.json").release("ann")
+    register = filled(tmp_path / "register.json")
+    register.release("ann")
+    register.save()
 
     assert Register(tmp_path / "register.json").find("ann") is None
 
@@ -220,7 +243,7 @@ def test_a_register_in_memory_writes_nothing(tmp_path: Path, monkeypatch: pytest
     monkeypatch.chdir(tmp_path)
     register = Register()
     register.claim("ann", ANN)
-    register.ban("bob", BOB)
+    register.save()
 
     assert list(tmp_path.iterdir()) == []
 
@@ -236,18 +259,17 @@ def test_what_cannot_be_written_leaves_the_old_file_and_nothing_else(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(failing, fail)
+    register.claim("new", BOB)
     with pytest.raises(ArenaError, match=r"cannot write .*register\.json: No space left on device"):
-        register.claim("new", BOB)
+        register.save()
 
     assert (tmp_path / "register.json").read_bytes() == before
     assert [path.name for path in tmp_path.iterdir()] == ["register.json"]
 
 
 def test_a_folder_that_is_gone_is_one_arena_error(tmp_path: Path) -> None:
-    register = Register(tmp_path / "gone" / "register.json")
-
     with pytest.raises(ArenaError, match="cannot write"):
-        register.claim("ann", ANN)
+        Register(tmp_path / "gone" / "register.json").save()
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,8 @@ import pytest
 
 from arena.game.keys import MatchKeys
 from arena.game.types import RULES_VERSION, Team
-from arena.pit.seating import OpenSeating, Pairing, PlannedSeating, SeatId
+from arena.pit.seating import OpenSeating, Pairing, PlannedSeating
+from arena.pit.seats import SlotId
 from arena.protocol.messages import Closed, JoinRequest, Refusal, Wait
 from arena.records.plan import MatchPlan
 
@@ -16,16 +17,16 @@ def plan(blue: str, red: str, number: int = 0) -> MatchPlan:
 
 
 def ask(seating: Any, name: str, team: str = "any", slot: int = 0) -> Any:
-    """Ask for a seat as the process of an entry, and show a pairing as who sits where."""
+    """Ask for a seat as the process of an entry, and show a pairing as who plays whom."""
     request = JoinRequest(rules_version=RULES_VERSION, name=name, team=team, client=name, slot=slot)
-    answer = seating.place(seat(name, slot), request)
+    answer = seating.place(slot_of(name, slot), request, 0.0)
     if isinstance(answer, Pairing):
-        return answer.plan.identity, answer.seats[Team.BLUE], answer.seats[Team.RED]
+        return answer.plan.identity, answer.slots[Team.BLUE], answer.slots[Team.RED]
     return answer
 
 
-def seat(name: str, slot: int = 0) -> SeatId:
-    return SeatId(name.encode(), name, slot)
+def slot_of(name: str, slot: int = 0) -> SlotId:
+    return SlotId(name.encode(), name, slot)
 
 
 # Whoever comes
@@ -39,7 +40,7 @@ def test_a_match_begins_when_a_red_and_a_blue_seat_are_taken() -> None:
     seating = open_seating()
 
     assert isinstance(ask(seating, "ann", "red"), Wait)
-    assert ask(seating, "bob", "blue") == ("0/bob/ann", seat("bob"), seat("ann"))
+    assert ask(seating, "bob", "blue") == ("0/bob/ann", slot_of("bob"), slot_of("ann"))
     assert isinstance(ask(seating, "cid", "red"), Wait)
 
 
@@ -50,7 +51,7 @@ def test_any_gets_the_free_team(taken: str, left: str) -> None:
 
     answer = ask(seating, "bob")
 
-    assert answer[2 if left == "red" else 1] == seat("bob")
+    assert answer[2 if left == "red" else 1] == slot_of("bob")
 
 
 def test_a_taken_team_is_refused_with_a_hint() -> None:
@@ -72,8 +73,8 @@ def test_who_goes_frees_the_team() -> None:
     seating = open_seating()
     ask(seating, "ann", "red")
 
-    seating.forget(seat("ann"))
-    seating.forget(seat("nobody"))
+    seating.forget(slot_of("ann"))
+    seating.forget(slot_of("nobody"))
 
     assert isinstance(ask(seating, "bob", "red"), Wait)
 
@@ -82,7 +83,7 @@ def test_two_slots_of_one_process_may_meet() -> None:
     seating = open_seating()
     ask(seating, "ann", slot=0)
 
-    assert ask(seating, "ann", slot=1) == ("0/ann/ann", seat("ann", 0), seat("ann", 1))
+    assert ask(seating, "ann", slot=1) == ("0/ann/ann", slot_of("ann", 0), slot_of("ann", 1))
 
 
 def test_after_the_last_match_the_pit_is_closed() -> None:
@@ -112,9 +113,9 @@ def test_the_first_match_whose_entries_are_there_begins() -> None:
     seating = PlannedSeating([plan("ann", "bob", 0), plan("cid", "ann", 1), plan("ann", "cid", 2)])
 
     assert isinstance(ask(seating, "ann"), Wait)
-    assert ask(seating, "cid") == ("1/cid/ann", seat("cid"), seat("ann"))
+    assert ask(seating, "cid") == ("1/cid/ann", slot_of("cid"), slot_of("ann"))
     assert isinstance(ask(seating, "bob"), Wait)
-    assert ask(seating, "ann") == ("0/ann/bob", seat("ann"), seat("bob"))
+    assert ask(seating, "ann") == ("0/ann/bob", slot_of("ann"), slot_of("bob"))
     assert not seating.is_done
 
 
@@ -134,8 +135,8 @@ def test_a_stranger_is_refused() -> None:
 def test_who_goes_is_not_waited_for() -> None:
     seating = PlannedSeating([plan("ann", "bob")])
     ask(seating, "ann")
-    seating.forget(seat("ann"))
-    seating.forget(seat("ann"))
+    seating.forget(slot_of("ann"))
+    seating.forget(slot_of("ann"))
 
     assert isinstance(ask(seating, "bob"), Wait)
 
@@ -145,7 +146,7 @@ def test_an_entry_meets_itself_with_two_seats() -> None:
 
     assert isinstance(ask(seating, "ann", slot=0), Wait)
     assert isinstance(ask(seating, "ann", slot=0), Wait)
-    assert ask(seating, "ann", slot=1) == ("0/ann/ann", seat("ann", 0), seat("ann", 1))
+    assert ask(seating, "ann", slot=1) == ("0/ann/ann", slot_of("ann", 0), slot_of("ann", 1))
 
 
 def test_matches_that_run_already_are_off_the_plan() -> None:
@@ -166,4 +167,4 @@ def test_a_process_with_many_slots_plays_many_matches_at_once() -> None:
     begun = [ask(seating, "bob", slot=slot) for slot in range(3)]
 
     assert [identity for identity, _, _ in begun] == ["0/ann/bob", "1/ann/bob", "2/ann/bob"]
-    assert {blue for _, blue, _ in begun} == {seat("ann", slot) for slot in range(3)}
+    assert {blue for _, blue, _ in begun} == {slot_of("ann", slot) for slot in range(3)}

@@ -9,7 +9,7 @@ import pytest
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Action, Team, Termination
-from arena.match.effects import Ask, Event, Write
+from arena.match.effects import Ask, Effect, Write
 from arena.match.match import Match, Phase
 from arena.match.time_control import TimeControl
 from arena.protocol.identity import Identity
@@ -64,7 +64,7 @@ class Played:
         for team in Team:
             self.carry_out(self.match.ready(team, 0.0))
 
-    def carry_out(self, events: list[Event]) -> None:
+    def carry_out(self, events: list[Effect]) -> None:
         for event in events:
             if isinstance(event, Ask):
                 self.shown[event.team].append(event.observation)

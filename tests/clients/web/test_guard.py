@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from clients.web.guard import HEADERS, LOOPBACK, Guard, is_same_origin
-from clients.web.server import ASSETS
+from clients.web.routes import ASSETS
 
 MOST_FIRST_LOAD_BYTES = 150_000
 

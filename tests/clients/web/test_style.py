@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from clients.web.server import ASSETS
+from clients.web.routes import ASSETS
 
 LEAST_CONTRAST = 4.5
 """Of text, by the Web Content Accessibility Guidelines 2.2, level AA."""

@@ -298,4 +298,4 @@ def test_without_ray_the_way_out_is_named(
     done = here("tournament", "run", tmp_path / "friday.toml", "--data", tmp_path)
 
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "arena: the venue ray needs Ray, which is not installed here: pip install 'arena-pit[cluster]'\n"
+    assert done.stderr == "arena: the venue ray needs ray, which is not installed here: pip install 'arena-pit[cluster]'\n"

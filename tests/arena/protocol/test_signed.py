@@ -15,7 +15,7 @@ from arena.protocol.codec import decode, encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Ended, Lobby, Orders, Signed
 from arena.protocol.signed import (
-    Fact,
+    Statement,
     check_journal,
     check_receipt,
     commit,
@@ -29,7 +29,7 @@ PIT = Identity(Ed25519PrivateKey.from_private_bytes(bytes(range(32))))
 ANN = Identity(Ed25519PrivateKey.from_private_bytes(bytes(range(32, 64))))
 KEYS = MatchKeys(map_key=bytes(range(64, 96)), match_key=bytes(range(96, 128)))
 HEAD = bytes(range(128, 160))
-FACTS: list[Fact] = [
+FACTS: list[Statement] = [
     Commitment(match="m1", digest=commit("m1", KEYS)),
     Ended(match="m1", ending="capture", winner="BLUE", score=100, ticks=7, reason=""),
     Lobby(pit="p", rules="paper", rules_hash="h", ruleset={}, needs_invite=False, n_begun=0, running=[], waiting=[]),
@@ -62,7 +62,7 @@ def test_a_commitment_is_of_one_match_and_its_two_keys(match: str, keys: MatchKe
 
 
 @pytest.mark.parametrize("fact", FACTS)
-def test_a_fact_is_signed_with_plain_ed25519_under_its_label(fact: Fact) -> None:
+def test_a_fact_is_signed_with_plain_ed25519_under_its_label(fact: Statement) -> None:
     signed = sign_statement(PIT, fact)
 
     assert decode(signed.data) == fact
@@ -71,7 +71,7 @@ def test_a_fact_is_signed_with_plain_ed25519_under_its_label(fact: Fact) -> None
 
 
 @pytest.mark.parametrize("fact", FACTS)
-def test_a_fact_that_another_signed_is_refused(fact: Fact) -> None:
+def test_a_fact_that_another_signed_is_refused(fact: Statement) -> None:
     with pytest.raises(ForgedError):
         read_statement(sign_statement(ANN, fact), PIT.public)
 
@@ -84,7 +84,7 @@ def test_the_signature_of_one_fact_holds_for_no_other() -> None:
 
 
 @given(st.sampled_from(FACTS), st.booleans(), st.integers(0), st.integers(1, 255))
-def test_a_fact_that_was_changed_is_refused(fact: Fact, is_data: bool, at: int, change: int) -> None:
+def test_a_fact_that_was_changed_is_refused(fact: Statement, is_data: bool, at: int, change: int) -> None:
     name = "data" if is_data else "signature"
     signed = sign_statement(PIT, fact)
     changed = bytearray(getattr(signed, name))

@@ -5,12 +5,21 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
+from arena.extras import needs
 from arena.network.address import Address
 
 _GOODBYE_S = 5.0
 _EVERYWHERE = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
+
+
+def check() -> None:
+    """Refuse, before the pit opens, a page that could not be served."""
+    with needs("web", "--web"):
+        for package in ("starlette", "uvicorn", "websockets"):
+            import_module(package)
 
 
 @contextmanager

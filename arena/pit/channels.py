@@ -1,0 +1,44 @@
+"""What one match has open outside the core: two seats' publishers, two public ones, and its journal."""
+
+from arena.game.types import Team
+from arena.network.session import Session
+from arena.pit.effects import Append, PublishEnding, PublishTick, Send
+from arena.pit.journal_files import JournalFile
+from arena.protocol import topics
+
+
+class MatchChannels:
+    """Carries out the effects of one match."""
+
+    def __init__(self, session: Session, pit: str, journal: JournalFile, match: str) -> None:
+        self._journal = journal
+        seats = [session.publisher(topics.observation(pit, match, team)) for team in Team]
+        self._puts = [put for put, _ in seats]
+        self._public = session.broadcast(topics.public(pit, match))
+        self._truth = session.broadcast(topics.truth(pit, match))
+        self._ends = [*(end for _, end in seats), self._public.end, self._truth.end]
+
+    def append(self, effect: Append) -> None:
+        """Append to the journal; `ArenaError` if it cannot be written."""
+        self._journal.append(effect.data)
+
+    def send(self, effect: Send) -> None:
+        """Send to a seat."""
+        self._puts[effect.team](effect.payload)
+
+    def publish_tick(self, effect: PublishTick) -> None:
+        """Publish what somebody subscribed to."""
+        if self._public.is_heard:
+            self._public.put(effect.make_public())
+        if effect.make_truth is not None and self._truth.is_heard:
+            self._truth.put(effect.make_truth())
+
+    def publish_ending(self, effect: PublishEnding) -> None:
+        """Publish how the match ended."""
+        self._public.put(effect.payload)
+
+    def close(self) -> None:
+        """Close all of it."""
+        for end in self._ends:
+            end()
+        self._journal.close()

@@ -1,0 +1,186 @@
+"""A pit as one state machine without I/O: events and the time go in, effects come out.
+
+    shell (`arena.pit.referee`)        PitCore
+    Zenoh, files, clock  -- event -->  Authenticator, RequestQueue    who asks, and when it is opened
+                                       Admission, Operator            who waits and is seated; the operator's commands
+                                       Matches, Archive, SeatBook     what runs, who holds which seat, which journals may be seen
+                        <-- effects -- LobbyPublisher
+
+The effects are to be carried out in their order, before the next event is handed in. A tick's record stands before what is sent
+of the next tick; if it cannot be written, the pit ends, and nobody has received anything.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from arena.errors import ProtocolError
+from arena.game.ruleset import Ruleset
+from arena.match.match import Match
+from arena.match.time_control import TimeControl
+from arena.pit.admission import MOST_QUEUED, Admission, PendingRequest
+from arena.pit.authenticator import Authenticator
+from arena.pit.effects import Drop, Effect, Reply, SaveRegister
+from arena.pit.events import (
+    ActionReceived,
+    Event,
+    JoinAsked,
+    JournalAsked,
+    LobbyAsked,
+    PresenceChanged,
+    RequestOpened,
+    RequestTurn,
+    Stopped,
+    TimePassed,
+    UnfinishedFound,
+)
+from arena.pit.lobby_publisher import LobbyPublisher
+from arena.pit.match_session import PitContext
+from arena.pit.matches import Matches
+from arena.pit.operator import Operator
+from arena.pit.register import Register
+from arena.pit.request_queue import RequestQueue
+from arena.pit.seating import Seating
+from arena.protocol.codec import decode, encode
+from arena.protocol.messages import AdminRequest, Hello, Knock, Lobby, Refusal
+from arena.records.framing import rules_values
+
+MOST_LISTED = 150
+"""Matches, and clients that wait, that the lobby names."""
+MOST_STANDINGS = 50
+"""Of a ladder, its first; with all else that is listed, the lobby fits one message."""
+
+
+class PitCore:
+    """All of a pit but its network, its files and its clock."""
+
+    def __init__(
+        self, context: PitContext, ruleset: Ruleset, seating: Seating, time_control: TimeControl, register: Register
+    ) -> None:
+        self._context, self._ruleset, self._seating, self._register = context, ruleset, seating, register
+        self._authenticator = Authenticator(context.pit, context.identity)
+        self._requests = RequestQueue()
+        self._matches = Matches(context, ruleset, time_control, seating, register)
+        self._admission = Admission(ruleset, seating, register, self._matches)
+        self._operator = Operator(context.identity.public, register, seating, self._matches, self._admission)
+        self._lobby = LobbyPublisher(context.identity, self._describe)
+        self._present: set[str] = set()
+        self.n_refused = 0
+        """Requests that did not open, or were not signed by whom they name."""
+        self._handlers: dict[type[Event], Callable[[Any, float], list[Effect]]] = {
+            ActionReceived: self._on_action,
+            JoinAsked: self._on_join,
+            LobbyAsked: self._on_lobby,
+            JournalAsked: self._on_journal,
+            PresenceChanged: self._on_presence,
+            TimePassed: self._on_time,
+            RequestTurn: self._on_request_turn,
+            RequestOpened: self._on_request_opened,
+            UnfinishedFound: self._on_unfinished,
+            Stopped: self._on_stopped,
+        }
+
+    def receive(self, event: Event, now_s: float) -> list[Effect]:
+        """Take an event; return what is to be done.
+
+        Parameters
+        ----------
+        event
+            What happened. Whatever a client sent may be junk, and raises nothing.
+        now_s
+            The time by one clock that never goes back.
+        """
+        effects = self._handlers[type(event)](event, now_s)
+        return [SaveRegister(), *effects] if self._register.is_changed else effects
+
+    @property
+    def may_open_request(self) -> bool:
+        """Whether a request waits, and the ration of time allows to open it: then a `RequestTurn` opens it."""
+        return self._requests.may_take(is_rationed=bool(self._matches.running))
+
+    @property
+    def matches(self) -> list[Match]:
+        """The matches that are not over, in the order of their beginning."""
+        return [session.match for session in self._matches.running]
+
+    @property
+    def n_running(self) -> int:
+        """Matches that are not over."""
+        return len(self._matches.running)
+
+    @property
+    def is_deserted(self) -> bool:
+        """Whether no client is present, as far as they declare it, and no match waits for its receipts."""
+        return not self._present and not self._matches.has_closing
+
+    def _on_action(self, event: ActionReceived, now_s: float) -> list[Effect]:
+        return self._matches.receive(*event, now_s)
+
+    def _on_join(self, event: JoinAsked, now_s: float) -> list[Effect]:
+        """Answer at once what costs nothing; let a sealed request wait."""
+        try:
+            message = decode(event.payload)
+        except ProtocolError as error:
+            return [Reply(event.question, encode(Refusal(reason=f"the request cannot be read: {error}")))]
+        if isinstance(message, Hello):
+            return [Reply(event.question, self._authenticator.challenge(now_s))]
+        if not isinstance(message, Knock):
+            return [Reply(event.question, encode(Refusal(reason="this is no request for a seat")))]
+        return [] if self._requests.put(event) else [Drop(event.question)]
+
+    def _on_request_turn(self, event: RequestTurn, now_s: float) -> list[Effect]:
+        asked = self._requests.take()
+        try:
+            caller = self._authenticator.open(asked.payload, now_s)
+        except ProtocolError as error:
+            self.n_refused += 1
+            return [Reply(asked.question, encode(Refusal(reason=str(error))))]
+        pending = PendingRequest(caller, asked.question)
+        if isinstance(caller.request, AdminRequest):
+            answer, effects = self._operator.obey(caller.request, now_s)
+            return [*effects, pending.reply(answer)]
+        return self._admission.receive(pending, caller.request, now_s)
+
+    def _on_request_opened(self, event: RequestOpened, now_s: float) -> list[Effect]:
+        self._requests.spend(event.took_s)
+        return []
+
+    def _on_time(self, event: TimePassed, now_s: float) -> list[Effect]:
+        self._requests.save(now_s)
+        return self._matches.advance(event.received_until_s) + self._admission.advance(now_s)
+
+    def _on_presence(self, event: PresenceChanged, now_s: float) -> list[Effect]:
+        if event.is_present:
+            if len(self._present) < MOST_QUEUED:
+                self._present.add(event.client)
+            return []
+        self._present.discard(event.client)
+        self._admission.lose(event.client)
+        return self._matches.lose(event.client, now_s)
+
+    def _on_lobby(self, event: LobbyAsked, now_s: float) -> list[Effect]:
+        return [Reply(event.question, self._lobby.read(self._matches.n_begun, now_s))]
+
+    def _on_journal(self, event: JournalAsked, now_s: float) -> list[Effect]:
+        return self._matches.ask_for_journal(event)
+
+    def _on_unfinished(self, event: UnfinishedFound, now_s: float) -> list[Effect]:
+        return self._matches.resume(event, now_s)
+
+    def _on_stopped(self, event: Stopped, now_s: float) -> list[Effect]:
+        return self._matches.stop()
+
+    def _describe(self) -> Lobby:
+        running = [
+            {"match": one.id, "blue": one.names[0], "red": one.names[1], "tick": one.match.tick} for one in self._matches.running
+        ]
+        return Lobby(
+            pit=self._context.pit,
+            rules=self._ruleset.name,
+            rules_hash=self._ruleset.hash,
+            ruleset=rules_values(self._ruleset),
+            needs_invite=self._register.needs_invite,
+            n_begun=self._matches.n_begun,
+            running=running[:MOST_LISTED],
+            waiting=self._admission.names[:MOST_LISTED],
+            standings=self._seating.standings()[:MOST_STANDINGS],
+        )

@@ -1,0 +1,103 @@
+"""What can happen to a pit, as its core takes it in."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from arena.game.types import Team
+from arena.records.journal import Journal
+
+QuestionId = int
+"""Names a question that waits for its answer; the shell chooses it, and never uses it again."""
+
+
+@dataclass(frozen=True, slots=True)
+class JoinAsked:
+    """Somebody asks for a challenge, for a seat, or for an operator's command."""
+
+    question: QuestionId
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class LobbyAsked:
+    """Somebody asks for the pit's public facts."""
+
+    question: QuestionId
+
+
+@dataclass(frozen=True, slots=True)
+class JournalAsked:
+    """Somebody asks for a piece of a match's journal."""
+
+    question: QuestionId
+    match: str
+    payload: bytes
+
+
+class ActionReceived(NamedTuple):
+    """A message on the action key of a seat, from whomever. A named tuple, since every turn makes two."""
+
+    match: str
+    team: Team
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class PresenceChanged:
+    """A client process came, or is gone; anybody can claim either."""
+
+    client: str
+    is_present: bool
+
+
+@dataclass(frozen=True, slots=True)
+class TimePassed:
+    """Time has passed; to be handed in every hundredth of a second or so."""
+
+    received_until_s: float
+    """All that came before was handed in, so deadlines before it are over. The pit's own delay is charged to nobody."""
+
+
+@dataclass(frozen=True, slots=True)
+class RequestTurn:
+    """All orders that came were handed in, so there is time to open one request; see `PitCore.may_open_request`."""
+
+
+@dataclass(frozen=True, slots=True)
+class RequestOpened:
+    """The effects of the last `RequestTurn` were carried out."""
+
+    took_s: float
+    """What it took, the effects included."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnfinishedFound:
+    """An earlier process of the pit left an unfinished match."""
+
+    name: str
+    """Of the journal's file."""
+    journal: Journal
+    entries: dict[Team, bytes]
+    """Public keys of those who play."""
+    n_bytes: int
+    """Length of the journal up to its last whole record."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """The pit stops: every match is left as it stands, so that a later process can resume it."""
+
+
+Event = (
+    JoinAsked
+    | LobbyAsked
+    | JournalAsked
+    | ActionReceived
+    | PresenceChanged
+    | TimePassed
+    | RequestTurn
+    | RequestOpened
+    | UnfinishedFound
+    | Stopped
+)

@@ -1,0 +1,126 @@
+"""What happens to a client, and what its core wants done about it: the two sides of `ClientCore.receive`."""
+
+from dataclasses import dataclass
+
+from arena.errors import LostPitError
+from arena.game.types import Team
+from clients.audit import Verdict
+from clients.seat import Seat
+
+# Events
+
+
+@dataclass(frozen=True, slots=True)
+class Connected:
+    """A connection to the pit's router is open; nothing is subscribed to yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Disconnected:
+    """The connection is closed, or could not be opened: its subscriptions and unanswered queries are gone."""
+
+    failure: LostPitError
+    """What to raise if the pit is given up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Some time has passed over a connection that still stands."""
+
+
+@dataclass(frozen=True, slots=True)
+class Delivered:
+    """A message arrived on the observation key of a slot's seat."""
+
+    slot: int
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Replied:
+    """A query has its answer."""
+
+    query: int
+    payload: bytes
+    """Empty if nobody answered in time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Woken:
+    """A policy that raised `Thinking` may have its answer now."""
+
+
+Event = Connected | Disconnected | Clock | Delivered | Replied | Woken
+
+# Effects
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """Query a key of the pit; the answer, or its absence, is to come back as `Replied`."""
+
+    id: int
+    key: str
+    payload: bytes
+    timeout_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class OpenSeat:
+    """Publish on a seat's action key, and subscribe to its observation key."""
+
+    slot: int
+    match: str
+    team: Team
+
+
+@dataclass(frozen=True, slots=True)
+class CloseSeat:
+    """Leave both keys of a slot's seat."""
+
+    slot: int
+
+
+@dataclass(frozen=True, slots=True)
+class Publish:
+    """Publish on the action key of a slot's seat."""
+
+    slot: int
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Reconnect:
+    """Close the connection and open another: no pit answers over this one."""
+
+
+@dataclass(frozen=True, slots=True)
+class MatchBegun:
+    """A seat was taken in a match that is new to this client."""
+
+    seat: Seat
+
+
+@dataclass(frozen=True, slots=True)
+class MatchEnded:
+    """The match of a seat is over."""
+
+    seat: Seat
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """There is nothing to play at the moment."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Audited:
+    """The journal of a seat's match was checked, or could not be had."""
+
+    seat: Seat
+    verdict: Verdict
+
+
+Effect = Query | OpenSeat | CloseSeat | Publish | Reconnect | MatchBegun | MatchEnded | Waiting | Audited

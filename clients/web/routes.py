@@ -1,0 +1,55 @@
+"""Every address of the web client, once: the server routes by this table, and each page is given it.
+
+A new page is a line here, a script in `assets/` that exports `show(main, ...parameters)`, and a handler in `server` if it asks
+for something of its own.
+"""
+
+import json
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+ASSETS = Path(__file__).parent / "assets"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """A page that a person can open."""
+
+    path: str
+    """`{name}` stands for a part that is handed to the script."""
+    script: str
+    """In `assets/`."""
+    link: str = ""
+    """What it is called in the navigation; it stands there only if it is called something."""
+
+
+PAGES = (
+    Page(path="/", script="lobby.js", link="Lobby"),
+    Page(path="/match/{match}", script="match.js"),
+    Page(path="/play", script="play.js", link="Play"),
+    Page(path="/league", script="league.js", link="Leaderboard"),
+)
+QUESTIONS = {
+    "lobby": "/api/lobby",
+    "replay": "/api/replay/{match}",
+    "play": "/api/play",
+    "leagues": "/api/leagues",
+    "league": "/api/league",
+    "league_replay": "/api/league/replay",
+}
+"""What a page may ask for as JSON, by the name of the handler."""
+SOCKETS = {"watch_match": "/ws/match/{match}", "play_match": "/ws/play"}
+"""Where a page may stay connected, likewise."""
+
+
+def render(page: Page, parameters: dict[str, str]) -> str:
+    """Return the HTML that a page begins as: its navigation, its script, and the routes that it may ask."""
+    links = "".join(
+        f'<a href="{other.path}"{" aria-current=page" if other is page else ""}>{other.link}</a>\n'
+        for other in PAGES
+        if other.link
+    )
+    start = {"script": f"/assets/{page.script}", "parameters": list(parameters.values()), "routes": QUESTIONS | SOCKETS}
+    shell = (ASSETS / "index.html").read_text(encoding="utf-8")
+    return shell.replace("{links}", links).replace("{start}", escape(json.dumps(start)))

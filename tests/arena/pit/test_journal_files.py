@@ -1,0 +1,95 @@
+"""The journals of a pit as files: whole or refused, given in pieces that fit a message, and found again."""
+
+import logging
+import stat
+from pathlib import Path
+
+import pytest
+from offline_pit import OfflinePit, begin, play
+
+from arena.errors import ArenaError
+from arena.pit.journal_files import PIECE_BYTES, JournalFile, find_unfinished, read_piece
+from arena.protocol.codec import MOST_BYTES, decode
+from arena.protocol.messages import JournalPiece, Refusal
+
+DATA = bytes(range(256)) * 500  # 128,000 bytes: three pieces
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = tmp_path / "pit+0.journal"
+    path.write_bytes(DATA)
+    return path
+
+
+def read(path: Path, offset: int) -> JournalPiece:
+    answer = read_piece(path, offset)
+    assert len(answer) <= MOST_BYTES
+    piece = decode(answer)
+    assert isinstance(piece, JournalPiece)
+    return piece
+
+
+def test_a_journal_of_many_pieces_comes_together(path: Path) -> None:
+    data, n_pieces = b"", 0
+    while len(data) < len(DATA):
+        piece = read(path, len(data))
+        assert (piece.n_bytes, piece.offset) == (len(DATA), len(data))
+        assert 0 < len(piece.data) <= PIECE_BYTES
+        data += piece.data
+        n_pieces += 1
+
+    assert (data, n_pieces) == (DATA, 3)
+
+
+@pytest.mark.parametrize("offset", [len(DATA), len(DATA) + 1, 2**40, 2**63, 2**64 - 1])
+def test_beyond_the_end_there_is_nothing(path: Path, offset: int) -> None:
+    assert read(path, offset) == JournalPiece(n_bytes=len(DATA), offset=offset, data=b"")
+
+
+def test_a_file_that_is_gone_is_reported(path: Path) -> None:
+    path.unlink()
+
+    assert decode(read_piece(path, 0)) == Refusal(reason="the journal cannot be read: No such file or directory")
+
+
+def test_a_new_journal_is_the_owner_s_alone_and_a_resumed_one_is_cut_to_its_whole_part(path: Path) -> None:
+    new = path.with_name("new.journal")
+    for file, kept in ((new, 0), (path, 100)):
+        journal = JournalFile(file, kept, fsync=True)
+        journal.append(b"more")
+        journal.close()
+
+    assert stat.S_IMODE(new.stat().st_mode) == 0o600
+    assert (new.read_bytes(), path.read_bytes()) == (b"more", DATA[:100] + b"more")
+
+
+def test_a_journal_that_cannot_be_written_raises_a_sentence(tmp_path: Path) -> None:
+    journal = JournalFile(tmp_path / "journal", 0, fsync=False)
+    journal.close()
+
+    with pytest.raises(ArenaError, match=r"^cannot write a journal: Bad file descriptor$"):
+        journal.append(b"data")
+    with pytest.raises(ArenaError, match=r"^cannot write a journal: No such file or directory$"):
+        JournalFile(tmp_path / "gone" / "journal", 0, fsync=False)
+
+
+def test_unfinished_matches_are_found_without_a_record_that_was_cut_short(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    pit = OfflinePit()
+    play(*begin(pit))
+    ann, bob = begin(pit, "eve", "dan")
+    play(ann, bob, n_ticks=2)
+    for name, data in pit.journals.items():
+        (tmp_path / name).write_bytes(data)
+    (tmp_path / "pit+2.journal").write_bytes(pit.journals["pit+2.journal"] + b"T\0\0")
+    (tmp_path / "junk.journal").write_bytes(b"junk")
+
+    with caplog.at_level(logging.WARNING):
+        [found] = find_unfinished(tmp_path)
+
+    assert (found.name, len(found.journal.ticks)) == ("pit+2.journal", 2)
+    assert found.n_bytes == len(pit.journals["pit+2.journal"])
+    assert set(found.entries.values()) == {ann.identity.public, bob.identity.public}
+    assert "junk.journal cannot be resumed" in caplog.text
