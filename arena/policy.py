@@ -8,8 +8,8 @@ Built-in fighters are `BatchPolicy`s: they act for many seats at once. `policies
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -33,18 +33,49 @@ class MatchInfo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatchResult:
-    """What a policy is told after the last tick."""
+    """How a match ended."""
 
     ending: Termination
     winner: Team | None
     score: int
-    """The own score, in -100 .. 100."""
+    """Blue's, in -100 .. 100; a policy is given its own (`seen_by`)."""
     ticks: int
     reason: str = ""
     """Why, where a match was forfeited or void."""
 
-    def in_words(self) -> dict[str, Any]:
-        """Return the facts as journals, messages and programs carry them."""
+    def seen_by(self, team: Team) -> "MatchResult":
+        """Return the result with `team`'s own score; of that one, with blue's again."""
+        return self if team is Team.BLUE else replace(self, score=-self.score)
+
+    def points(self, team: Team) -> float:
+        """Return what the match is worth to a team: 1 for a win, 0.5 for a draw, 0 for a loss."""
+        return 0.5 if self.winner is None else float(self.winner is team)
+
+    def headline(self, blue: str = "blue", red: str = "red") -> str:
+        """Return who won and how, as in "blue wins by forfeit (red vanished)"."""
+        verdict = "draw" if self.winner is None else f"{(blue, red)[self.winner]} wins"
+        return self._word(verdict) + self._how()
+
+    def describe(self, team: Team | None = None) -> str:
+        """Return how the match ended, as in "blue wins by capture after 12 ticks, score +100 for blue".
+
+        For a `team`, whose own score the result then has: "win as blue by capture after 12 ticks, score +100".
+        """
+        after = f"after {self.ticks} ticks, score {self.score:+d}"
+        if team is None:
+            return f"{self.headline()} {after} for blue"
+        verdict = "draw" if self.winner is None else "win" if self.winner is team else "loss"
+        return f"{self._word(verdict)} as {team.name.lower()}{self._how()} {after}"
+
+    def _word(self, verdict: str) -> str:
+        return "void" if self.ending is Termination.VOID else verdict
+
+    def _how(self) -> str:
+        why = f" ({self.reason})" if self.reason else ""
+        return why if self.ending is Termination.VOID else f" by {self.ending.name.lower().replace('_', ' ')}{why}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as journals, messages, stores and programs hold them."""
         return {
             "ending": self.ending.name.lower(),
             "winner": None if self.winner is None else self.winner.name.lower(),
@@ -52,6 +83,18 @@ class MatchResult:
             "ticks": self.ticks,
             "reason": self.reason,
         }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> "MatchResult":
+        """Read what `to_dict` wrote, whatever else is there; `KeyError` if a field is missing or no match ends like that."""
+        winner = values["winner"]
+        return cls(
+            ending=Termination[values["ending"].upper()],
+            winner=None if winner is None else Team[winner.upper()],
+            score=values["score"],
+            ticks=values["ticks"],
+            reason=values["reason"],
+        )
 
 
 class Policy(Protocol):

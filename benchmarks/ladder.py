@@ -31,7 +31,7 @@ from arena.records.journal import load_journal
 from arena.records.replay import BrokenChainError
 from arena.records.verification import check_seals
 from benchmarks.measuring.load_generator import Crowd
-from clients.precompile import warm
+from clients.precompile import precompile
 from policies.registry import load
 from tournaments.fixture import plan_fixture, tally
 from tournaments.ladder.ladder import open_ladder
@@ -149,7 +149,7 @@ def _serve(progress: Progress, settings: PitSettings, ladder: _Watched, crowd: C
 
     progress("kernels")
     for policy in set(crowd.entries.values()):
-        warm(load(policy))  # here, and not in twenty processes at once
+        precompile(load(policy))  # here, and not in twenty processes at once
     progress(f"{len(crowd.entries)} entries come")
     clock.start()
     with crowd:

@@ -34,7 +34,7 @@ from arena.protocol.identity import Identity
 from arena.protocol.sealing import Opener, Sealer
 from arena.records.plan import MatchPlan
 from clients.runner import Runner
-from clients.settings import Settings
+from clients.settings import ClientSettings
 
 SIZES = ((1, 1), (8, 8), (64, 16))
 """Matches at once, and seats that a client process holds."""
@@ -145,7 +145,9 @@ def _plan(number: int) -> MatchPlan:
 def _play(endpoint: str, n_slots: int) -> None:
     """Hold seats until killed; in a process of its own."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    settings = Settings(endpoint=endpoint, pit="bench", name=_NAME, team="any", make=_constant, n_matches=None, n_slots=n_slots)
+    settings = ClientSettings(
+        endpoint=endpoint, pit="bench", name=_NAME, team="any", make=_constant, n_matches=None, n_slots=n_slots
+    )
     Runner(settings, on_seat=lambda _: None, on_end=lambda _: None, on_wait=lambda _: None).run()
 
 

@@ -1,4 +1,4 @@
-"""The operator's word to a running pit, under the pit's own key."""
+"""The operator's commands to a running pit, signed with the pit's own key."""
 
 from pathlib import Path
 
@@ -13,8 +13,8 @@ from arena.protocol.messages import AdminRequest, Done, Refusal
 from clients.lobby import ask_challenge
 
 
-def command(address: Address, authority: Path | None, identity: Identity, name: str, target: str) -> str:
-    """Have the pit do something, and return what it did.
+def send_command(address: Address, authority: Path | None, identity: Identity, name: str, target: str) -> str:
+    """Have the pit carry out a command, and return what it did.
 
     Raises
     ------

@@ -3,8 +3,6 @@
 Without the rules: whoever wants every tick played again asks `arena replay verify --transcript`.
 """
 
-from dataclasses import replace
-
 from arena.errors import JournalError, LostPitError, ProtocolError, RefusedError, UnreadableError
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import JournalPiece, JournalRequest, Refusal, Wait
@@ -74,6 +72,6 @@ def audit(seat: Seat, data: bytes, pit_key: bytes) -> Verdict:
             return False, f"at tick {tick} the journal has other orders than this seat gave"
     if len(seat.answers) > len(journal.ticks) + 1:
         return False, "the journal lacks ticks that this seat played"
-    if seat.ended and journal.ending != replace(seat.result(), score=seat.ended.score):
+    if seat.ended and journal.ending != seat.result().seen_by(seat.team):
         return False, "the journal ends otherwise than the pit told this seat"
     return True, "the journal is of this match, under the keys that the pit committed itself to"

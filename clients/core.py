@@ -25,7 +25,7 @@ from clients import events
 from clients.audit import JournalDownload, audit
 from clients.seat import Seat
 from clients.seat_session import SeatSession, read_commitment
-from clients.settings import Settings
+from clients.settings import ClientSettings
 
 logger = logging.getLogger(__name__)
 
@@ -83,9 +83,11 @@ class ClientCore:
         Unique to this process, by which the pit tells it from others of its name.
     """
 
-    def __init__(self, settings: Settings, client: str, make_seat: MakeSeat) -> None:
+    def __init__(self, settings: ClientSettings, client: str, make_seat: MakeSeat) -> None:
         self._settings, self._client, self._make_seat = settings, client, make_seat
         self._slots = [_Slot(number) for number in range(settings.n_slots)]
+        self._n_left = settings.n_slots
+        """Slots that are not done."""
         self._audits: dict[int, tuple[SeatSession, JournalDownload]] = {}
         """Running downloads by their query."""
         self._effects: list[events.Effect] = []
@@ -102,7 +104,7 @@ class ClientCore:
     @property
     def is_done(self) -> bool:
         """Whether all is played and audited."""
-        return all(slot.is_done for slot in self._slots) and not self._audits
+        return not self._n_left and not self._audits
 
     def receive(self, event: events.Event, now_s: float) -> list[events.Effect]:
         """Take an event, and return what is to be done.
@@ -168,6 +170,10 @@ class ClientCore:
             self._effects.append(events.CloseSeat(slot.number))
         slot.session, slot.is_open = None, False
 
+    def _finish(self, slot: _Slot) -> None:
+        self._n_left -= not slot.is_done
+        slot.is_done = True
+
     # Questions
 
     def _on_clock(self, now_s: float) -> None:
@@ -189,7 +195,7 @@ class ClientCore:
         """Ask for a seat, or, with one, whether its match still runs; unless that was asked already."""
         n_matches = self._settings.n_matches
         if slot.session is None and n_matches is not None and self._n_begun >= n_matches:
-            slot.is_done = True
+            self._finish(slot)
         elif slot.question is None:
             limit_s = ANSWER_S if slot.session is None else PROBE_S
             query = self._query(topics.join(self._settings.pit), encode(Hello()), limit_s)
@@ -259,7 +265,7 @@ class ClientCore:
             case Closed():
                 self._effects.append(events.Waiting(f"no more: {message.reason}"))
                 self._free(slot)
-                slot.is_done = True
+                self._finish(slot)
             case Signed() if slot.session is not None:  # else the ending came on the seat's key a moment ago
                 self._on_late_ending(slot, slot.session, message, now_s)
             case Wait():

@@ -1,4 +1,4 @@
-"""What `arena doctor` looks at: whether this machine is fit to play, and whether a pit answers."""
+"""Checks for `arena doctor`: whether this machine is fit to play, and whether a pit answers."""
 
 import platform
 import time
@@ -12,33 +12,33 @@ from arena.protocol.identity import to_text
 from clients.lobby import ask_challenge, ask_lobby
 
 Finding = tuple[str, bool, str]
-"""What was looked at, whether it is well, and what was found."""
+"""What was checked, whether it is well, and what was found."""
 
 
 def examine(pit: str, authority: Path | None) -> list[Finding]:
-    """Return the findings; the pit's last, if one is named."""
-    findings = [_look_at_versions(), _look_at_kernels()]
+    """Return the findings; that of the pit last, if one is named."""
+    findings = [_check_versions(), _check_kernels()]
     if pit:
-        findings.append(_look_at_pit(pit, authority))
+        findings.append(_check_pit(pit, authority))
     return findings
 
 
-def _look_at_versions() -> Finding:
+def _check_versions() -> Finding:
     packages = ", ".join(f"{name} {version(name)}" for name in ("arena-pit", "eclipse-zenoh", "numba", "numpy"))
     return "versions", True, f"Python {platform.python_version()} on {platform.machine()}; {packages}"
 
 
-def _look_at_kernels() -> Finding:
+def _check_kernels() -> Finding:
     """Load, or compile, what every match needs."""
     begin_s = time.monotonic()
-    from clients.precompile import warm
+    from clients.precompile import precompile
     from policies.registry import load
 
-    warm(load("rush"))
+    precompile(load("rush"))
     return "kernels", True, f"ready after {time.monotonic() - begin_s:.1f} s"
 
 
-def _look_at_pit(pit: str, authority: Path | None) -> Finding:
+def _check_pit(pit: str, authority: Path | None) -> Finding:
     try:
         address = parse_address(pit)
         with open_client(address.endpoint, authority) as session:

@@ -20,9 +20,9 @@ from arena.protocol.messages import Ticket
 from arena.records.transcript import TranscriptHeader, TranscriptWriter, transcript_name
 from clients import events
 from clients.core import ClientCore
-from clients.precompile import warm
+from clients.precompile import precompile
 from clients.seat import Seat
-from clients.settings import Settings
+from clients.settings import ClientSettings
 
 MOST_WAITING = 2_000
 """Messages in the queue."""
@@ -48,7 +48,7 @@ class Runner:
 
     def __init__(
         self,
-        settings: Settings,
+        settings: ClientSettings,
         *,
         on_seat: Callable[[Seat], None],
         on_end: Callable[[Seat], None],
@@ -82,8 +82,8 @@ class Runner:
             The pit does not let this client play.
         """
         settings, core = self._settings, self._core
-        warm(settings.make)
-        while not self._is_over():
+        precompile(settings.make)
+        while not (self._is_stopping or core.is_done):
             failure = LostPitError(f"no pit called {settings.pit} answers at {settings.endpoint}")
             try:
                 with open_client(settings.endpoint, settings.authority) as session:
@@ -94,25 +94,22 @@ class Runner:
                 self._carry_out(core.receive(events.Disconnected(failure), time.monotonic()))
         return core.n_ended
 
-    def _is_over(self) -> bool:
-        return self._is_stopping or self._core.is_done
-
     def _serve(self, session: Session) -> None:
         """Play over one connection, until all is played or the pit is lost."""
-        receive, self._session = self._core.receive, session
+        core, self._session = self._core, session
         session.declare_presence(topics.presence(self._settings.pit, self._settings.name, self._client))
-        receive(events.Connected(), time.monotonic())
+        core.receive(events.Connected(), time.monotonic())
         checked_at_s = -math.inf
         try:
-            while not self._is_over():
+            while not (self._is_stopping or core.is_done):
                 now_s = time.monotonic()
                 if now_s - checked_at_s > TICK_S:
                     checked_at_s = now_s
-                    if not session.is_connected() or not self._carry_out(receive(events.Clock(), now_s)):
+                    if not session.is_connected() or not self._carry_out(core.receive(events.Clock(), now_s)):
                         return
                 event = self._wait()
                 if event is not None:
-                    self._carry_out(receive(event, time.monotonic()))
+                    self._carry_out(core.receive(event, time.monotonic()))
         finally:
             for slot in list(self._channels):
                 self._close(slot)

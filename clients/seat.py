@@ -1,19 +1,20 @@
-"""One seat of one match as its client sees it, without I/O: messages of the referee go in, messages to it come out.
+"""One seat of one match as its client sees it, without I/O: the referee's messages go in, the answers come out.
 
-The policy is asked once for each tick, whatever is sent twice, lost, or told again after a restart of either side.
+The policy is asked once for each tick, whatever is sent twice, lost, or sent again after a restart of either side.
 """
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from arena.errors import UnreadableError
 from arena.game.ruleset import Ruleset, from_dict
-from arena.game.types import Team, Termination
+from arena.game.types import Team
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn
-from arena.protocol.observation_codec import Reader
+from arena.protocol.observation_codec import ObservationReader
 from arena.protocol.topics import is_chunk
 from arena.records.transcript import Head, TranscriptWriter
 
@@ -21,7 +22,7 @@ _SEAT = np.zeros(1, np.intp)
 
 
 def read_ticket(ticket: Ticket) -> tuple[Ruleset, Team]:
-    """Return what a seat plays, and for whom.
+    """Return the ruleset and the team of a ticket.
 
     Raises
     ------
@@ -35,6 +36,14 @@ def read_ticket(ticket: Ticket) -> tuple[Ruleset, Team]:
     return read_rules(ticket.ruleset), Team(ticket.team)
 
 
+def read_result(ended: Ended) -> MatchResult:
+    """Return how a match ended, by the pit's message; `UnreadableError` if no match ends like this."""
+    try:
+        return MatchResult.from_dict(asdict(ended))
+    except KeyError as error:
+        raise UnreadableError(f"no match ends like this: {error}") from error
+
+
 def read_rules(values: Mapping[str, Any]) -> Ruleset:
     """Return the ruleset of a ticket or a lobby; `InputError` if it is none that this version knows."""
     rest = dict(values)
@@ -42,11 +51,11 @@ def read_rules(values: Mapping[str, Any]) -> Ruleset:
 
 
 class Thinking(Exception):
-    """A policy, such as a person, needs longer: nothing was answered, and the same message is to be given again later."""
+    """A policy, such as a person, needs longer: nothing has changed, and the same message is to be received again later."""
 
 
 class Seat:
-    """A policy at work in one seat."""
+    """A policy that plays one seat."""
 
     def __init__(self, ticket: Ticket, commitment: bytes, make: BatchFactory) -> None:
         self.ticket, self.commitment = ticket, commitment
@@ -54,31 +63,31 @@ class Seat:
         self.ended: Ended | None = None
         self.known_ticks = 0
         """Observations that the policy has been shown."""
-        self._reader = Reader(self.ruleset, self.team)
+        self._reader = ObservationReader(self.ruleset, self.team)
         self._policy: BatchPolicy = make(self.ruleset, self.team, 1)
         self._policy.start(_SEAT)
         self._orders = np.zeros((1, len(self.ruleset.team(self.team))), np.int8)
         self._answers: list[bytes] = []
-        """What the policy said to each observation, to be said again."""
+        """The policy's answer to each observation, for a resend."""
         self._head = Head()
         self._transcript: TranscriptWriter | None = None
 
     @property
     def head(self) -> bytes:
-        """What stands for all that this seat was shown."""
+        """The hash chain over all that this seat was shown."""
         return self._head.digest
 
     @property
     def answers(self) -> list[bytes]:
-        """What was answered to each tick so far, a byte per unit."""
+        """The answer to each tick so far, a byte per unit."""
         return self._answers
 
     def keep(self, transcript: TranscriptWriter) -> None:
-        """Write down what this seat is shown."""
+        """Write what this seat is shown to a transcript."""
         self._transcript = transcript
 
     def ready(self) -> Ready:
-        """Return what tells the referee that this seat listens, at first or again."""
+        """Return the message that this seat is subscribed, for the first time or again."""
         return Ready(known_ticks=self.known_ticks)
 
     def receive(self, message: Message) -> Message | None:
@@ -90,7 +99,7 @@ class Seat:
         if type(message) is History:
             self._catch_up(message)
         elif type(message) is Ended:
-            result = self._read_result(message)
+            result = read_result(message).seen_by(self.team)
             self.ended = message
             self._policy.end(0, result)
             if self._transcript is not None:
@@ -101,22 +110,10 @@ class Seat:
         """Return how the match ended, from this side."""
         if self.ended is None:
             raise ValueError("the match is not over")
-        return self._read_result(self.ended)
-
-    def _read_result(self, ended: Ended) -> MatchResult:
-        try:
-            return MatchResult(
-                ending=Termination[ended.ending.upper()],
-                winner=None if ended.winner is None else Team[ended.winner.upper()],
-                score=ended.score if self.team is Team.BLUE else -ended.score,
-                ticks=ended.ticks,
-                reason=ended.reason,
-            )
-        except KeyError as error:
-            raise UnreadableError(f"no match ends like this: {error}") from error
+        return read_result(self.ended).seen_by(self.team)
 
     def faults(self) -> Faults:
-        """Return what the policy did wrong since the last call."""
+        """Return the policy's faults since the last call."""
         return self._policy.take_faults(0)
 
     def _answer(self, turn: Turn) -> Message | None:
@@ -129,7 +126,7 @@ class Seat:
         return Orders(tick=turn.tick, actions=self._answers[turn.tick])
 
     def _catch_up(self, history: History) -> None:
-        """Show the policy what it missed; what it would have done then is of no use any more."""
+        """Show the policy what it missed; its actions then are of no use any more."""
         if not 0 <= history.first_tick <= self.known_ticks:
             return
         known = self.known_ticks - history.first_tick

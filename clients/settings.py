@@ -1,4 +1,4 @@
-"""How a client plays."""
+"""What a client is told: the pit, the entry, the policy, and how long to try."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,8 +11,8 @@ from clients.seat import Seat
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
-    """Everything that `arena join` is told."""
+class ClientSettings:
+    """How a client plays; what `arena join` makes of its options."""
 
     endpoint: str
     pit: str
@@ -22,11 +22,11 @@ class Settings:
     n_matches: int | None
     """None plays until the pit has no more matches."""
     n_slots: int = 1
-    """Seats that it may hold at once."""
+    """Seats to hold at once, at most."""
     patience_s: float = 60.0
-    """How long it tries to reach a pit that it has lost."""
+    """How long to look for a pit that was lost."""
     is_patient: bool = False
-    """Whether the policy may need longer than a moment: it raises `clients.seat.Thinking`, and is asked again."""
+    """Whether the policy may raise `clients.seat.Thinking`, to be asked again."""
     rules_hash: str = ""
     identity: Identity = field(default_factory=Identity.make)
     """Of the entry."""
@@ -34,8 +34,8 @@ class Settings:
     trust: Callable[[bytes], None] = lambda _: None
     """Raises if the pit whose public key it is given is not the one that was meant."""
     authority: Path | None = None
-    """Who vouches for the pit's certificate, where it listens by TLS."""
+    """PEM file of the certificates to trust, where the pit listens by TLS."""
     on_audit: Callable[[Seat, Verdict], None] | None = None
-    """Told what the journal of each match was found to be; without it, none is asked for."""
+    """Called with the verdict on the journal of each match; None fetches no journals."""
     transcripts: Path | None = None
-    """Folder for what each seat was shown."""
+    """Folder for transcripts of what each seat was shown; None keeps none."""

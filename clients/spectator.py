@@ -18,7 +18,7 @@ from arena.network.session import Sample, Session, open_client, read_key, read_p
 from arena.protocol import topics
 from arena.protocol.codec import decode
 from arena.protocol.messages import Ended, Lobby, PublicState, Signed, Truth
-from arena.protocol.observation_codec import Reader
+from arena.protocol.observation_codec import ObservationReader
 from arena.protocol.sealing import Opener, truth_opener
 from arena.protocol.signed import read_statement
 from clients.lobby import ask_challenge, ask_lobby
@@ -34,11 +34,11 @@ Grid = NDArray[np.int8]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame:
-    """What there is to be seen at one tick."""
+    """What a spectator sees at one tick."""
 
     tick: int
     names: tuple[str, str] | None = None
-    """Of blue's entry, and red's; told with the public facts."""
+    """Of blue's entry, and red's; only of a public message."""
     living: tuple[int, int] | None = None
     """Blue's units, red's."""
     score: int = 0
@@ -48,22 +48,22 @@ class Frame:
     seen: tuple[Grid, Grid] | None = None
     """What blue sees, and red."""
     units: tuple[tuple[OwnUnit, ...], tuple[OwnUnit, ...]] | None = None
-    """Blue's, and red's, as their teams are told."""
+    """Blue's, and red's, as their teams see them."""
     ended: Ended | None = None
 
 
 class Spectator:
-    """Makes frames of what is heard. Without I/O."""
+    """Makes frames of a match's messages. Without I/O."""
 
     def __init__(self, pit: str, match: str, ruleset: Ruleset, pit_key: bytes, spectator_key: bytes | None) -> None:
         self._pit, self._match, self._pit_key, self._key = pit, match, pit_key, spectator_key
         self._side, self._ruleset = ruleset.side, ruleset
-        self._readers = [Reader(ruleset, team) for team in Team]
+        self._readers = [ObservationReader(ruleset, team) for team in Team]
         self._openers: dict[bytes, Opener] = {}
         self._n_closed = 0
 
-    def hear_public(self, payload: bytes) -> Frame | None:
-        """Take a public message; `ProtocolError` if the pit did not say it."""
+    def read_public(self, payload: bytes) -> Frame | None:
+        """Return the frame of a public message, if it makes one; `ProtocolError` if the pit did not publish it."""
         message = decode(payload)
         if isinstance(message, PublicState):
             if (
@@ -79,8 +79,8 @@ class Spectator:
             raise ForgedError("the ending is of another match")
         return Frame(tick=fact.ticks, score=fact.score, ended=fact) if isinstance(fact, Ended) else None
 
-    def hear_truth(self, payload: bytes) -> Frame | None:
-        """Take a sealed truth; `ProtocolError` if it does not open with the key, None without one.
+    def read_truth(self, payload: bytes) -> Frame | None:
+        """Return the frame of a sealed truth, None without a key; `ProtocolError` if it does not open.
 
         Raises
         ------
@@ -114,7 +114,7 @@ class Spectator:
 def watch(
     address: Address, authority: Path | None, match: str, trust: Callable[[bytes], None], spectator_key: bytes | None
 ) -> Iterator[tuple[str, Frame]]:
-    """Yield what happens in a match, the first that is heard of if none is named, until it ends.
+    """Yield the frames of a match until it ends; of the first that publishes, if none is named.
 
     Parameters
     ----------
@@ -124,27 +124,27 @@ def watch(
     Yields
     ------
     tuple
-        The match, and what there is to be seen.
+        The match, and its frame.
 
     Raises
     ------
     LostPitError
         No pit answers, or the match does not run.
     """
-    heard: queue.Queue[tuple[bool, Sample]] = queue.Queue(maxsize=MOST_WAITING)
+    inbox: queue.Queue[tuple[bool, Sample]] = queue.Queue(maxsize=MOST_WAITING)
     spectator: Spectator | None = None
     with open_client(address.endpoint, authority) as session:
         pit_key = ask_challenge(session, address).pit_key
         trust(pit_key)
-        session.subscribe(topics.all_public(address.pit), partial(_enqueue, heard, False))
+        session.subscribe(topics.all_public(address.pit), partial(_enqueue, inbox, False))
         if spectator_key is not None:
-            session.subscribe(topics.all_truths(address.pit), partial(_enqueue, heard, True))
-        ruleset = read_rules(_look(session, address, pit_key, match).ruleset)
+            session.subscribe(topics.all_truths(address.pit), partial(_enqueue, inbox, True))
+        ruleset = read_rules(_check_running(session, address, pit_key, match).ruleset)
         while True:
             try:
-                is_truth, sample = heard.get(timeout=_SILENCE_S)
+                is_truth, sample = inbox.get(timeout=_SILENCE_S)
             except queue.Empty:
-                _look(session, address, pit_key, match)
+                _check_running(session, address, pit_key, match)
                 continue
             try:
                 at = topics.read_match(read_key(sample))
@@ -152,9 +152,9 @@ def watch(
                     continue
                 if spectator is None or not match:
                     spectator = Spectator(address.pit, at, ruleset, pit_key, spectator_key)
-                frame = spectator.hear_truth(read_payload(sample)) if is_truth else spectator.hear_public(read_payload(sample))
+                frame = spectator.read_truth(read_payload(sample)) if is_truth else spectator.read_public(read_payload(sample))
             except ProtocolError:
-                continue  # anybody may publish; what the pit did not seal or sign counts for nothing
+                continue  # anybody may publish: only what the pit sealed or signed counts
             if frame is not None:
                 match = at
                 yield match, frame
@@ -162,7 +162,7 @@ def watch(
                     return
 
 
-def _look(session: Session, address: Address, pit_key: bytes, match: str) -> Lobby:
+def _check_running(session: Session, address: Address, pit_key: bytes, match: str) -> Lobby:
     """Return the lobby; `LostPitError` if the match does not run."""
     lobby = ask_lobby(session, address, pit_key)
     if match and all(one["match"] != match for one in lobby.running):
@@ -170,8 +170,8 @@ def _look(session: Session, address: Address, pit_key: bytes, match: str) -> Lob
     return lobby
 
 
-def _enqueue(heard: "queue.Queue[tuple[bool, Sample]]", is_truth: bool, sample: Sample) -> None:
+def _enqueue(inbox: "queue.Queue[tuple[bool, Sample]]", is_truth: bool, sample: Sample) -> None:
     try:
-        heard.put_nowait((is_truth, sample))
+        inbox.put_nowait((is_truth, sample))
     except queue.Full:
-        return  # the next tick tells all anew
+        return  # the next tick replaces it

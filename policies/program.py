@@ -17,12 +17,12 @@ import shlex
 import signal
 import subprocess
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from functools import cache
 from typing import IO, Any
 
 from arena.errors import PolicyError
-from arena.game.observation import Observation
+from arena.game.observation import EnemyUnit, Observation, OwnUnit
 from arena.game.ruleset import to_dict
 from arena.policy import MatchInfo, MatchResult
 from policies.each_seat import MakeBot
@@ -109,7 +109,7 @@ class ProgramBot:
 
     def end(self, result: MatchResult) -> None:
         """Tell it how the match ended; it is kept for the next."""
-        self._tell({"type": "end", **result.in_words()})
+        self._tell({"type": "end", **result.to_dict()})
         if self._program is not None:
             self._idle.append(self._program)
             self._program = None
@@ -162,18 +162,14 @@ def _idle(command_line: str) -> list[Program]:
 
 
 def to_json(seen: Observation) -> dict[str, Any]:
-    """Return an observation as a program reads it."""
-    return {
-        "type": "observation",
-        "tick": seen.tick,
-        "team": seen.team.name.lower(),
-        "ground": seen.ground.tolist(),
-        "grid": seen.grid.tolist(),
-        "units": [asdict(unit) for unit in seen.units],
-        "enemies": [asdict(unit) for unit in seen.enemies],
-        "living": list(seen.living),
-        "score": seen.score,
-        "clock_s": seen.clock_s,
-        "seed": seen.seed,
-        "legal_actions": seen.legal_actions.tolist(),
-    }
+    """Return an observation as a program reads it: its fields, and what is computed from them."""
+    facts: dict[str, Any] = {"type": "observation"}
+    for field in fields(seen):
+        value = getattr(seen, field.name)
+        if field.name == "ground":
+            facts |= {"ground": value.tolist(), "grid": seen.grid.tolist()}
+        elif isinstance(value, tuple):
+            facts[field.name] = [asdict(item) if isinstance(item, OwnUnit | EnemyUnit) else item for item in value]
+        else:
+            facts[field.name] = value
+    return facts | {"team": seen.team.name.lower(), "legal_actions": seen.legal_actions.tolist()}

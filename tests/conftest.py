@@ -32,12 +32,12 @@ from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load as load_rules
 from arena.game.engine import warm as warm_games
 from arena.local.venue import play_batch
-from clients.precompile import warm
+from clients.precompile import precompile
 from policies.registry import load
 from tournaments.fixture import plan_fixture
 for name in sys.argv[1:]:
     fighter = load(name)
-    warm(fighter)
+    precompile(fighter)
     if name == "random":
         warm_games(load_rules("paper"))
         list(play_batch(load_rules("paper"), plan_fixture("warm", name, name, 1, secret_from_seed(1))[:1], fighter, fighter))

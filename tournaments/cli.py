@@ -6,7 +6,10 @@ The modules that are imported here import no more than `typer` and `arena.consol
 from arena.cli import Command, make_app, rules, run
 from arena.display.cli import replay
 from arena.keyring.cli import keys
-from clients.cli import admin, doctor, join, watch
+from clients.commands.admin import admin
+from clients.commands.doctor import doctor
+from clients.commands.join import join
+from clients.commands.watch import watch
 from policies.cli import policies
 from policies.training.cli import train
 from tournaments.commands.bench import bench

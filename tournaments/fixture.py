@@ -10,7 +10,7 @@ from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
 from arena.game.types import Team, Termination
 from arena.local.venue import MatchRecord
 from arena.policy import Faults
-from arena.records.plan import MatchPlan
+from arena.records.plan import LeagueMatchId, MatchPlan
 
 _Z95 = 1.959964
 """Quantile of the normal distribution for a two-sided interval of 95%."""
@@ -20,25 +20,15 @@ def plan_fixture(
     league: str, one: str, other: str, n_pairs: int, secret: bytes, *, are_maps_fresh: bool = False
 ) -> list[MatchPlan]:
     """Return the matches of a fixture, leg by leg: `one` plays blue first, then red, on the same map unless maps are fresh."""
-    fixture = f"{league}/{one}/{other}"
     plans = []
     for pair in range(n_pairs):
         for leg, (blue, red) in enumerate(((one, other), (other, one))):
+            match = LeagueMatchId(league=league, one=one, other=other, pair=pair, blue=blue)
+            identity, fixture = str(match), match.fixture
             map_key = derive_map_key(secret, f"{fixture}/{leg}" if are_maps_fresh else fixture, pair)
-            identity = f"{fixture}/{pair:04}/{blue}-blue/0"
             keys = MatchKeys(map_key=map_key, match_key=derive_match_key(secret, identity))
             plans.append(MatchPlan(identity=identity, blue=blue, red=red, keys=keys))
     return plans
-
-
-def pair_of(identity: str) -> str:
-    """Return what the two matches of a pair, and no others, have in common in their identities."""
-    return identity.rsplit("/", 2)[0]
-
-
-def pair_number(identity: str) -> int:
-    """Return which pair of its fixture a match belongs to, from 0."""
-    return int(pair_of(identity).rpartition("/")[2])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,14 +65,14 @@ def tally(one: str, other: str, records: Iterable[MatchRecord]) -> Tally:
     for record in sorted(records, key=lambda record: record.plan.identity):
         plan, result = record.plan, record.result
         own = Team.BLUE if plan.blue == one else Team.RED
-        won = 0.5 if result.winner is None else float(result.winner is own)
+        won = result.points(own)
         per_pair[plan.keys.map_key] = per_pair.get(plan.keys.map_key, 0.0) + won / 2
         points["win" if won == 1 else "loss" if won == 0 else "draw"] += 1
         if result.winner is not None:
             sides[result.winner] += 1
         endings[result.ending] += 1
         counts["ticks"] += result.ticks
-        counts["score"] += result.score if own is Team.BLUE else -result.score
+        counts["score"] += result.seen_by(own).score
         for name, found in zip((plan.blue, plan.red), record.faults, strict=True):
             faults[name].raised += found.raised
             faults[name].illegal += found.illegal

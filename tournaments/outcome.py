@@ -1,9 +1,9 @@
-"""What a venue tells of a match that ended: all that a league keeps, and nothing that depends on where it was played."""
+"""How a match of a league ended: all that a league keeps of it, and nothing that depends on the venue."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from arena.game.types import Team, Termination
+from arena.game.types import Team
 from arena.policy import MatchResult
 from arena.records.journal import Header
 from arena.records.plan import MatchPlan
@@ -31,25 +31,20 @@ class Outcome:
     identity: str
     blue: str
     red: str
-    ending: Termination
-    winner: Team | None
-    score: int
-    """Blue's."""
-    ticks: int
-    reason: str
-    seats: dict[Team, SeatOutcome]
+    result: MatchResult
+    """`score` is blue's."""
+    seats: Mapping[Team, SeatOutcome]
 
     @classmethod
     def of(cls, match: Header | MatchPlan, result: MatchResult, seats: Mapping[Team, SeatOutcome]) -> "Outcome":
-        """Return how a match ended; `result.score` is blue's."""
-        return cls(
-            identity=match.identity,
-            blue=match.blue,
-            red=match.red,
-            ending=result.ending,
-            winner=result.winner,
-            score=result.score,
-            ticks=result.ticks,
-            reason=result.reason,
-            seats=dict(seats),
-        )
+        """Return the outcome of a match; `result.score` is blue's."""
+        return cls(identity=match.identity, blue=match.blue, red=match.red, result=result, seats=seats)
+
+    @property
+    def winner(self) -> str | None:
+        """The entry that won; None in a draw."""
+        return None if self.result.winner is None else (self.blue, self.red)[self.result.winner]
+
+    def points(self, entry: str) -> float:
+        """Return what the match is worth to one of its two entries: 1 for a win, 0.5 for a draw, 0 for a loss."""
+        return self.result.points(Team.BLUE if self.blue == entry else Team.RED)

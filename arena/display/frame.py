@@ -3,17 +3,22 @@
 Whoever has the true state makes the same scene of it as a spectator who was only sent it, so that one page draws both.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.rules import is_in_reach, reach_of, squared_distance
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 
 Grid = NDArray[np.int8]
 """int8, shape (side, side), codes of Table 2."""
+Units = Sequence[Sequence[tuple[int, int, bool]]]
+"""Row, column and whether it lives, of each of blue's units and of each of red's."""
+Events = Mapping[str, Sequence[tuple[int, int]]]
+"""Units as (team, index), by what happened to them."""
 _LETTERS = np.frombuffer(b"?012345678", np.uint8)
 """By code + 1."""
 
@@ -26,14 +31,20 @@ def to_text(grid: Grid) -> str:
 def describe_rules(ruleset: Ruleset) -> dict[str, Any]:
     """Return what of a ruleset shows on a board: its size, its clock, and what each unit of each team can do."""
     kinds = {
-        kind.name: {"step": kind.step, "sight": kind.sight, "attack": kind.attack, "flies": kind.flies} for kind in ruleset.units
+        kind.name: {
+            "step": kind.step,
+            "sight": kind.sight,
+            "attack": kind.attack,
+            "reach": reach_of(kind.attack, ruleset.attack_at_range, kind.flies),
+            "flies": kind.flies,
+        }
+        for kind in ruleset.units
     }
     return {
         "name": ruleset.name,
         "side": ruleset.side,
         "tick_limit": ruleset.tick_limit,
         "fog": ruleset.fog,
-        "attack_at_range": ruleset.attack_at_range,
         "kinds": kinds,
         "units": [[kind.name for kind in ruleset.team(team)] for team in Team],
     }
@@ -46,7 +57,8 @@ def describe_tick(
     living: Sequence[int],
     truth: Grid,
     seen: Sequence[Grid],
-    units: Sequence[Sequence[tuple[int, int, bool]]],
+    units: Units,
+    events: Events,
 ) -> dict[str, Any]:
     """Return one tick.
 
@@ -59,7 +71,9 @@ def describe_tick(
     seen
         What blue sees, and red.
     units
-        Row, column and whether it lives, of each of blue's units and of each of red's; a fallen one is where it fell.
+        Of blue, and of red; a fallen unit is where it fell.
+    events
+        Under "fought", "fell" and "captured" the units to which the tick did that, as (team, index).
     """
     return {
         "tick": tick,
@@ -68,4 +82,28 @@ def describe_tick(
         "truth": to_text(truth),
         "seen": [to_text(grid) for grid in seen],
         "units": [[[row, column, int(alive)] for row, column, alive in team] for team in units],
+        "events": {name: [list(unit) for unit in those] for name, those in events.items()},
     }
+
+
+def find_events(ruleset: Ruleset, before: Units | None, now: Units) -> Events:
+    """Return what happened to units of which only the places are known, as a spectator's are, since the tick before.
+
+    Who fought follows from the rules and the places. A capture ends the match, and then its journal tells it.
+    """
+    events: dict[str, list[tuple[int, int]]] = {"fought": [], "fell": [], "captured": []}
+    if before is None:
+        return events
+    walkers = [
+        (team, index, *now[team][index], reach_of(kind.attack, ruleset.attack_at_range, kind.flies))
+        for team in Team
+        for index, kind in enumerate(ruleset.team(team))
+        if before[team][index][2] and not kind.flies
+    ]
+    for team, index, row, column, lives, _ in walkers:
+        enemies = [(r, c, reach) for other, _, r, c, _, reach in walkers if other != team]
+        if any(is_in_reach(squared_distance(row - r, column - c), reach) for r, c, reach in enemies):
+            events["fought"].append((int(team), index))
+        if not lives:
+            events["fell"].append((int(team), index))
+    return events

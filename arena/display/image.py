@@ -16,8 +16,7 @@ from arena.display.text import Memory
 from arena.errors import InputError
 from arena.game.engine import BatchedGame
 from arena.game.observation import OwnUnit
-from arena.game.ruleset import Ruleset
-from arena.game.state import StateField, Trait
+from arena.game.state import StateField
 from arena.game.types import FLAGS, UAVS, UGVS, Code, Team
 from arena.records.journal import load_journal
 from arena.records.replay import replay
@@ -83,22 +82,17 @@ def read_scenes(path: Path, team: str | None) -> Iterator[Scene]:
 def _of_journal(path: Path, team: Team) -> Iterator[Scene]:
     journal = load_journal(path)
     header, limit = journal.header, journal.header.ruleset.tick_limit
-    before = None
     for games in replay(journal):
-        field = games.state.field[0]
-        alive = games.state.alive[0].astype(bool)
-        fought, fallen = _find_fights(games, alive if before is None else before)
-        truth = games.truth(0)
+        field, events = games.state.field[0], games.events
         yield Scene(
             title=f"blue {header.blue} against red {header.red}",
             facts=f"tick {field[StateField.TICK]} of {limit}   score {field[StateField.SCORE]:+d} for blue   "
             f"units {field[StateField.BLUE_LIVING]}:{field[StateField.RED_LIVING]}",
-            boards=((f"what {team.name.lower()} sees", games.grids()[team, 0]), ("the truth", truth)),
-            fought=fought,
-            fallen=fallen,
-            captured=_find_captures(games, truth),
+            boards=((f"what {team.name.lower()} sees", games.grids()[team, 0]), ("the truth", games.truth(0))),
+            fought=_cells(games, events.fought & ~events.fell),
+            fallen=_cells(games, events.fell),
+            captured=_cells(games, events.captured),
         )
-        before = alive
 
 
 def _of_transcript(path: Path) -> Iterator[Scene]:
@@ -120,33 +114,9 @@ def _of_transcript(path: Path) -> Iterator[Scene]:
         before = seen.units
 
 
-def _find_fights(games: BatchedGame, before: NDArray[np.bool_]) -> tuple[frozenset[Cell], frozenset[Cell]]:
-    """Return where units that fought stand, and where units fell; `before`: who lived before this tick."""
-    ruleset, state = games.ruleset, games.state
-    cells = [(cell // ruleset.side, cell % ruleset.side) for cell in state.cell[0].tolist()]
-    alive = state.alive[0].astype(bool)
-    walks = games.tables.unit[:, Trait.FLIES] == 0
-    n_blue, fighters = games.n_units[Team.BLUE], np.flatnonzero(before & walks).tolist()
-    reach = [kind.attack for team in Team for kind in ruleset.team(team)]
-    fought, fallen = set(), set()
-    has_played = int(state.field[0, StateField.TICK]) > 0
-    for unit in fighters:
-        enemies = [other for other in fighters if (other < n_blue) != (unit < n_blue)]
-        if has_played and any(_is_in_reach(ruleset, cells[unit], cells[other], reach[unit]) for other in enemies):
-            fought.add(cells[unit])
-        if not alive[unit]:
-            fallen.add(cells[unit])
-    return frozenset(fought - fallen), frozenset(fallen)
-
-
-def _is_in_reach(ruleset: Ruleset, one: Cell, other: Cell, attack: int) -> bool:
-    square = (one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2
-    return square <= attack**2 if ruleset.attack_at_range else square < attack**2
-
-
-def _find_captures(games: BatchedGame, truth: Grid) -> frozenset[Cell]:
-    places = [(team, divmod(int(games.state.field[0, StateField.BLUE_FLAG + team]), len(truth))) for team in Team]
-    return frozenset(place for team, place in places if truth[place] == UGVS[team.other])
+def _cells(games: BatchedGame, flags: NDArray[np.bool_]) -> frozenset[Cell]:
+    """Return where the flagged units of the first game stand, or fell."""
+    return frozenset(divmod(cell, games.ruleset.side) for cell in games.state.cell[0, flags[0]].tolist())
 
 
 def draw(scene: Scene, cell: int) -> Image.Image:

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from arena.display.frame import describe_rules, describe_tick
 from arena.errors import JournalError
 from arena.game.engine import BatchedGame
@@ -50,7 +52,7 @@ def tell_match(data: bytes) -> dict[str, Any]:
         "names": [header.blue, header.red],
         "rules": describe_rules(header.ruleset),
         "ticks": told,
-        "ending": ending.in_words(),
+        "ending": ending.to_dict(),
         "marks": [[int(mark) for mark in tick.marks] for tick in journal.ticks],
         "broken": broken,
         "is_sealed": journal.seals is not None,
@@ -79,4 +81,8 @@ def _tell(games: BatchedGame) -> dict[str, Any]:
         truth=games.truth(0),
         seen=[grids[team, 0] for team in Team],
         units=(every[:n_blue], every[n_blue:]),
+        events={
+            name: [(int(unit >= n_blue), unit - n_blue * (unit >= n_blue)) for unit in np.flatnonzero(flags[0]).tolist()]
+            for name, flags in games.events._asdict().items()
+        },
     )

@@ -9,7 +9,7 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from arena.display.text import Memory, draw_row, is_live, tell_end, tell_losses, tell_orders, tell_result
+from arena.display.text import Memory, draw_row, is_live, tell_end, tell_losses, tell_orders
 from arena.errors import InputError
 from arena.game.engine import BatchedGame
 from arena.game.state import StateField
@@ -26,9 +26,7 @@ def show_journal(console: Console, file: Path, team: str, tick: int | None, spee
     frames = (_frame(journal, games, Team[team.upper()], console.width, height) for games in replay(journal))
     _play(console, frames, len(journal.ticks), tick, speed)
     if journal.ending is not None and tick is None:
-        winner = "a draw" if journal.ending.winner is None else f"{journal.ending.winner.name.lower()} wins"
-        how = journal.ending.ending.name.lower().replace("_", " ")
-        console.print(f"{winner} by {how} after {journal.ending.ticks} ticks, score {journal.ending.score} for blue")
+        console.print(Text(_plain(journal.ending.describe())))
 
 
 def show_transcript(console: Console, file: Path, tick: int | None, speed: float) -> None:
@@ -60,7 +58,7 @@ def show_transcript(console: Console, file: Path, tick: int | None, speed: float
         lines += [f"the transcript {how} after {len(seen)} ticks, without an ending", f"unfinished as {team}"]
     else:
         result = transcript.ending
-        lines += [tell_end(seen, result), tell_result(header.team, result)]
+        lines += [tell_end(seen, result), result.describe(header.team)]
     for line in lines:
         console.print(Text(_plain(line)))
 

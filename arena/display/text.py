@@ -166,15 +166,6 @@ def tell_end(seen: Sequence[Observation], result: "MatchResult") -> str:
     return f"{when} {'; '.join(parts)}"
 
 
-def tell_result(team: Team, result: "MatchResult") -> str:
-    """Return how a match ended for one team; `result.score` is its own."""
-    how = result.ending.name.lower().replace("_", " ")
-    if result.ending is Termination.VOID:
-        return f"void after {result.ticks} ticks, for {team.name.lower()} as for the other"
-    outcome = "drawn" if result.winner is None else "won" if result.winner is team else "lost"
-    return f"{outcome} as {team.name.lower()} by {how} after {result.ticks} ticks, own score {result.score:+d}"
-
-
 def _name(unit: OwnUnit) -> str:
     return f"{unit.type} {unit.index}"
 

@@ -8,7 +8,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from arena.game.engine import BatchedGame
-from arena.game.observation import find_legal_actions
+from arena.game.observation import FIELDS, find_legal_actions
+from arena.game.observation_fields import FieldSpec
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Code, Team
 
@@ -17,6 +18,7 @@ N_TRAITS = 4
 """Of a unit: row, column, type (index into `Ruleset.units`), whether it lives."""
 N_SIGHTED = 3
 """Of an enemy in sight: row, column, type; all -1 where there is none."""
+_PUBLIC = {name: spec for name, spec in FIELDS.items() if spec.is_public}
 
 
 def sense(games: BatchedGame, team: Team) -> Senses:
@@ -32,9 +34,7 @@ def sense(games: BatchedGame, team: Team) -> Senses:
         "grid": games.grids()[team],
         "units": units.astype(np.int16),
         "enemies": enemies.astype(np.int16),
-        "living": seen.living.copy(),
-        "score": seen.score.copy()[:, None],
-        "tick": seen.tick.copy()[:, None],
+        **{name: getattr(seen, name).copy().reshape(len(seen), -1) for name in _PUBLIC},
         "legal_actions": find_legal_actions(seen.ground, side, seen.cell, seen.alive, flies).astype(np.int8),
     }
 
@@ -47,8 +47,8 @@ def space_of(ruleset: Ruleset, team: Team) -> spaces.Dict:
     """Return the space of what a team knows.
 
     `grid` is the board in the codes of the paper's Table 2, -1 where it is hidden; `units` and `enemies` are rows of `N_TRAITS`
-    and `N_SIGHTED` numbers; `living` counts own units and enemies; `score` is the own one; `legal_actions` has a 1 for each
-    order that can move a unit.
+    and `N_SIGHTED` numbers; `legal_actions` has a 1 for each order that can move a unit. The rest are the public fields of
+    `arena.game.observation.FIELDS`: `living` counts own units and enemies, `score` is the own one.
     """
     n_own, n_enemies, side = len(ruleset.team(team)), len(ruleset.team(team.other)), ruleset.side
     most = max(side, len(ruleset.units))
@@ -57,12 +57,15 @@ def space_of(ruleset: Ruleset, team: Team) -> spaces.Dict:
             "grid": spaces.Box(int(min(Code)), int(max(Code)), (side, side), np.int8),
             "units": spaces.Box(0, most, (n_own, N_TRAITS), np.int16),
             "enemies": spaces.Box(-1, most, (n_enemies, N_SIGHTED), np.int16),
-            "living": spaces.Box(0, max(n_own, n_enemies), (2,), np.int16),
-            "score": spaces.Box(-100, 100, (1,), np.int16),
-            "tick": spaces.Box(0, ruleset.tick_limit, (1,), np.int32),
+            **{name: _box(spec, ruleset, team) for name, spec in _PUBLIC.items()},
             "legal_actions": spaces.Box(0, 1, (n_own, len(Action)), np.int8),
         }
     )
+
+
+def _box(spec: FieldSpec, ruleset: Ruleset, team: Team) -> spaces.Box:
+    values = spec.values_of(ruleset, team) or (np.iinfo(spec.dtype).min, np.iinfo(spec.dtype).max)
+    return spaces.Box(values[0], values[-1], spec.shape_of(ruleset, team) or (1,), spec.dtype)
 
 
 def unit_space(ruleset: Ruleset, team: Team) -> spaces.Dict:

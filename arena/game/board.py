@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.errors import BoardError
-from arena.game.types import FLAGS, HALVES, STEPS, UAVS, UGVS, Code, Team
+from arena.game.rules import can_enter, column_after, is_on_board, row_after
+from arena.game.types import FLAGS, HALVES, UAVS, UGVS, Action, Code, Team
 
 _LETTERS = {
     "#": Code.OBSTACLE,
@@ -132,10 +133,9 @@ def _reach(ground: NDArray[np.int8], start: Cell) -> set[Cell]:
     reached, queue = {start}, deque([start])
     while queue:
         row, column = queue.popleft()
-        for down, right in STEPS[1:]:
-            cell = row + down, column + right
-            on_board = 0 <= cell[0] < side and 0 <= cell[1] < side
-            if on_board and cell not in reached and ground[cell] != Code.OBSTACLE:
+        for action in Action:
+            cell = row_after(row, action), column_after(column, action)
+            if cell not in reached and is_on_board(*cell, side) and can_enter(ground[cell], 0):
                 reached.add(cell)
                 queue.append(cell)
     return reached

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from arena.game.bits import popcount
+from arena.game.compiled import can_enter
 from arena.game.philox import Purpose, below, philox
 from arena.game.state import Rule, StateField
 from arena.game.types import Code
@@ -49,6 +50,7 @@ def draw(game: Any, state: Any, tables: Any, map_key: Any, rows: Any) -> int:
 def begin(game: Any, state: Any, tables: Any) -> None:
     """Set a laid-out game to tick 0, everybody living."""
     state.alive[game] = 1
+    state.event[game] = -1
     field = state.field[game]
     field[StateField.TICK] = field[StateField.ENDING] = field[StateField.SCORE] = 0
     field[StateField.WINNER] = -1
@@ -152,7 +154,7 @@ def is_open(game: Any, state: Any, tables: Any, rows: Any) -> bool:
     for row in range(side):
         bits = np.uint64(0)
         for column in range(side):
-            bits |= np.uint64(state.ground[game, row * side + column] != Code.OBSTACLE) << np.uint64(column)
+            bits |= np.uint64(can_enter(state.ground[game, row * side + column], 0)) << np.uint64(column)
         free[row + 1] = bits
     for team in range(2):
         n_walkers = tables.rule[Rule.RED_WALKERS if team else Rule.BLUE_WALKERS]

@@ -17,9 +17,9 @@ from arena.game.board import Board, parse_board
 from arena.game.draw import MAX_ATTEMPTS, begin
 from arena.game.kernel import draw_boards, observe, play, renew, sense, step, turn
 from arena.game.keys import KEY_BYTES, MatchKeys, board_key, seat_keys, unit_keys
-from arena.game.observation import NO_CLOCK_MS, Observations
+from arena.game.observation import Observations, make_seen
 from arena.game.ruleset import Ruleset
-from arena.game.state import State, StateField, Tables, Trait, make_seen, make_state, make_tables
+from arena.game.state import State, StateField, Tables, TickEvents, Trait, make_state, make_tables
 from arena.game.types import FLAGS, UAVS, UGVS, Team, Termination
 from arena.jit import bind
 
@@ -57,7 +57,7 @@ class BatchedGame:
         self._rows = np.zeros((2, ruleset.side + 2), np.uint64)
         self._boards = np.zeros((2, n_games, self.state.ground.shape[1]), np.int8)
         self._seat_keys = np.zeros((2, n_games, 2), np.uint32)
-        self._told = [make_seen(n_games, self.n_units[team.other]) for team in Team]
+        self._told = [make_seen(ruleset, team, n_games) for team in Team]
         self._seen = {team: self._make_observations(team) for team in Team}
         self._unfogged: BatchedGame | None = None
 
@@ -122,6 +122,11 @@ class BatchedGame:
         if orders.shape != self.state.cell.shape or orders.dtype != np.int8:
             raise ValueError(f"orders must be int8 of shape {self.state.cell.shape}, not {orders.dtype} of {orders.shape}")
         step(self.state, orders, self.tables, self._work, True)
+
+    @property
+    def events(self) -> TickEvents:
+        """What the last tick of each game did, in fresh memory; nothing before a game's first."""
+        return TickEvents(*np.moveaxis(self.state.event == self.state.field[:, None, None, StateField.TICK], 1, 0))
 
     def play(self, orders: NDArray[np.int8]) -> dict[Team, Observations]:
         """Step and observe, in one call."""
@@ -190,13 +195,13 @@ class BatchedGame:
     def _make_observations(self, team: Team) -> Observations:
         first = self.n_units[Team.BLUE] if team is Team.RED else 0
         own = slice(first, first + self.n_units[team])
-        return Observations(
-            team=team,
-            side=self.ruleset.side,
+        return Observations.blank(
+            self.ruleset,
+            team,
+            self.n_games,
             ground=self._boards[team],
             cell=self.state.cell[:, own],
             alive=self.state.alive[:, own],
-            clock_ms=np.full(self.n_games, NO_CLOCK_MS, np.uint32),
             **self._told[team]._asdict(),
         )
 

@@ -4,14 +4,24 @@ from typing import Any
 
 import numpy as np
 
+from arena.game.compiled import (
+    ending_of,
+    home_bonus,
+    is_captured,
+    is_eliminated,
+    is_home,
+    is_in_reach,
+    own_strength,
+    score_of,
+    squared_distance,
+    survives,
+    survives_without_chance,
+    winner_of,
+)
 from arena.game.philox import Purpose, philox
-from arena.game.state import Rule, StateField, Trait
+from arena.game.state import Event, Rule, StateField, Trait
 from arena.game.types import Termination
 from arena.jit import jit
-
-_HALF = np.uint64(32)
-FLAG_SCORE = 100
-UNIT_SCORE = 10
 
 
 @jit(inline=True)
@@ -36,7 +46,7 @@ def _is_contact(game: Any, shape: Any, state: Any, tables: Any) -> Any:
         here = np.int64(state.cell[game, one])
         for other in range(blue, blue + red_walkers):
             reach = max(tables.unit[one, Trait.REACH], tables.unit[other, Trait.REACH])
-            near = _squared(tables, here, np.int64(state.cell[game, other])) <= reach
+            near = is_in_reach(_squared(tables, here, np.int64(state.cell[game, other])), reach)
             contact |= near & (state.alive[game, one] != 0) & (state.alive[game, other] != 0)
     return contact
 
@@ -46,7 +56,7 @@ def _squared(tables: Any, one: Any, other: Any) -> Any:
     """Return the squared Euclidean distance between two cells."""
     down = tables.place[one, 0] - tables.place[other, 0]
     right = tables.place[one, 1] - tables.place[other, 1]
-    return down * down + right * right
+    return squared_distance(down, right)
 
 
 @jit()
@@ -70,28 +80,28 @@ def _fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
                 continue
             strength = tables.unit[other, Trait.STRENGTH]
             if other == unit:
-                friends += strength * tables.rule[Rule.SELF_COUNTS]
-            elif _squared(tables, here, np.int64(state.cell[game, other])) <= tables.unit[other, Trait.REACH]:
+                friends += own_strength(strength, tables.rule[Rule.SELF_COUNTS])
+            elif is_in_reach(_squared(tables, here, np.int64(state.cell[game, other])), tables.unit[other, Trait.REACH]):
                 if other_team == team:
                     friends += strength
                 else:
                     enemies += strength
                     is_in_range = True
-        is_home = state.ground[game, here] & 1 == team
         if not is_in_range:
             continue
-        if not tables.rule[Rule.RANDOM_COMBAT]:
-            falls[walker] = not is_home
-            continue
-        friends += is_home
-        enemies += not is_home
-        word = philox(state.key[game, Purpose.FIGHT, team], tick, index, Purpose.FIGHT, 0)[0]
-        survives = (word * np.uint64(friends + enemies)) >> _HALF < np.uint64(friends)
-        falls[walker] = not survives
+        state.event[game, Event.FOUGHT, unit] = tick + 1
+        at_home = is_home(state.ground[game, here], team)
+        if tables.rule[Rule.RANDOM_COMBAT]:
+            word: Any = np.int64(philox(state.key[game, Purpose.FIGHT, team], tick, index, Purpose.FIGHT, 0)[0])
+            falls[walker] = not survives(word, friends + home_bonus(at_home), enemies + home_bonus(not at_home))
+        else:
+            falls[walker] = not survives_without_chance(at_home)
     for walker in range(blue_walkers + red_walkers):
         if falls[walker]:
             team = 0 if walker < blue_walkers else 1
-            state.alive[game, walker + team * (blue - blue_walkers)] = 0
+            unit = walker + team * (blue - blue_walkers)
+            state.alive[game, unit] = 0
+            state.event[game, Event.FELL, unit] = tick + 1
             state.field[game, StateField.BLUE_LIVING + team] -= 1
 
 
@@ -99,7 +109,7 @@ def _fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
 def judge(game: Any, shape: Any, state: Any, tables: Any) -> None:
     """Close the tick: count it, score it, and call the end if it has come.
 
-    Source: paper, Eq. 4 and the text under it; what it leaves open, DESIGN section 1.
+    Source: paper, Eq. 4 and the text under it; what it leaves open, `docs/rules.md`.
     """
     _, blue, blue_walkers, red, red_walkers = shape
     state.field[game, StateField.TICK] += 1
@@ -107,27 +117,32 @@ def judge(game: Any, shape: Any, state: Any, tables: Any) -> None:
     red_captures = _captures(game, state, blue, blue + red_walkers, state.field[game, StateField.BLUE_FLAG])
     blue_lost = blue - state.field[game, StateField.BLUE_LIVING]
     red_lost = red - state.field[game, StateField.RED_LIVING]
-    blue_falls = blue_walkers > 0 and blue_lost == blue_walkers
-    red_falls = red_walkers > 0 and red_lost == red_walkers
-    score = min(max(UNIT_SCORE * (red_lost - blue_lost), -FLAG_SCORE), FLAG_SCORE)
-    ending = Termination.RUNNING
-    if blue_captures or red_captures:
-        ending = Termination.CAPTURE
-        score = FLAG_SCORE * (np.int64(blue_captures) - np.int64(red_captures))
-    elif blue_falls or red_falls:
-        ending = Termination.ELIMINATION
-        score = FLAG_SCORE * (np.int64(red_falls) - np.int64(blue_falls))
-    elif state.field[game, StateField.TICK] >= tables.rule[Rule.TICK_LIMIT]:
-        ending = Termination.TICK_LIMIT
+    blue_falls, red_falls = is_eliminated(blue_walkers, blue_lost), is_eliminated(red_walkers, red_lost)
+    captures, tick = blue_captures | red_captures, state.field[game, StateField.TICK]
+    if captures:
+        _mark_captures(game, shape, state)
+    ending = ending_of(captures, blue_falls | red_falls, tick, tables.rule[Rule.TICK_LIMIT])
+    achieved = int(blue_captures) - int(red_captures) if captures else int(red_falls) - int(blue_falls)
+    score = score_of(ending, achieved, red_lost, blue_lost)
     state.field[game, StateField.SCORE] = score
     state.field[game, StateField.ENDING] = ending
     if ending != Termination.RUNNING:
-        state.field[game, StateField.WINNER] = 0 if score > 0 else 1 if score < 0 else -1
+        state.field[game, StateField.WINNER] = winner_of(score)
 
 
 @jit(inline=True)
 def _captures(game: Any, state: Any, first: Any, last: Any, flag: Any) -> Any:
     captures = False
     for unit in range(first, last):
-        captures |= (state.cell[game, unit] == flag) & (state.alive[game, unit] != 0)
+        captures |= is_captured(state.cell[game, unit], flag, state.alive[game, unit])
     return captures
+
+
+@jit()
+def _mark_captures(game: Any, shape: Any, state: Any) -> None:
+    _, blue, blue_walkers, _, red_walkers = shape
+    for walker in range(blue_walkers + red_walkers):
+        unit = walker if walker < blue_walkers else blue + walker - blue_walkers
+        flag = state.field[game, StateField.RED_FLAG if walker < blue_walkers else StateField.BLUE_FLAG]
+        if is_captured(state.cell[game, unit], flag, state.alive[game, unit]):
+            state.event[game, Event.CAPTURED, unit] = state.field[game, StateField.TICK]

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from arena.game.compiled import can_enter, is_move, wins_cell
 from arena.game.philox import Purpose, philox
 from arena.game.state import StateField, Trait
-from arena.game.types import Code
 from arena.jit import jit
 
 AT, WANT, STAYS, WORD = 0, 1, 2, 3
@@ -33,12 +33,12 @@ def move(game: Any, shape: Any, state: Any, orders: Any, tables: Any, work: Any)
     walkers = blue_walkers + red_walkers
     for walker in range(walkers):
         unit = walker if walker < blue_walkers else blue + walker - blue_walkers
-        action = np.int64(orders[game, unit])
+        action = int(orders[game, unit])
         at: Any = np.int64(state.cell[game, unit])
         want = at
-        if 0 < action <= 4 and tables.unit[unit, Trait.STEP] > 0:
+        if is_move(action) and tables.unit[unit, Trait.STEP] > 0:
             next_cell = np.int64(tables.neighbour[action, at])
-            if state.ground[game, next_cell] != Code.OBSTACLE:
+            if can_enter(state.ground[game, next_cell], 0):
                 want = next_cell
         if not state.alive[game, unit]:
             at = want = _NOWHERE - walker
@@ -58,8 +58,8 @@ def move(game: Any, shape: Any, state: Any, orders: Any, tables: Any, work: Any)
 
 @jit(inline=True)
 def _fly(game: Any, unit: Any, state: Any, orders: Any, tables: Any) -> None:
-    action = np.int64(orders[game, unit])
-    if 0 < action <= 4 and state.alive[game, unit]:
+    action = int(orders[game, unit])
+    if is_move(action) and state.alive[game, unit]:
         cell = np.int64(state.cell[game, unit])
         for _ in range(tables.unit[unit, Trait.STEP]):
             cell = np.int64(tables.neighbour[action, cell])
@@ -102,7 +102,7 @@ def _settle(game: Any, shape: Any, state: Any, work: Any) -> None:
                 loses = (
                     not work[STAYS, other]
                     and work[WANT, other] == work[WANT, walker]
-                    and (work[WORD, other] > work[WORD, walker] or (work[WORD, other] == work[WORD, walker] and other < walker))
+                    and wins_cell(work[WORD, other], other, work[WORD, walker], walker)
                 )
                 if is_blocked or loses:
                     work[STAYS, walker] = 1

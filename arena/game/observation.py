@@ -4,14 +4,18 @@
 batch of seats of one team, as arrays, for policies that think about a thousand matches at once.
 """
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections import namedtuple
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game import observation_fields as of
+from arena.game.observation_fields import FieldSpec
+from arena.game.rules import can_enter, column_after, is_home, is_on_board, row_after
 from arena.game.ruleset import Ruleset
-from arena.game.types import FLAGS, HALVES, STEPS, UAVS, UGVS, Action, Code, Team
+from arena.game.types import FLAGS, UAVS, UGVS, Action, Code, Team
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -99,7 +103,7 @@ class Observation:
 
     def is_own_half(self, row: int, column: int) -> bool:
         """Whether a cell in sight lies on the own half."""
-        return self.ground[row, column] in (HALVES[self.team], FLAGS[self.team])
+        return bool(is_home(self.ground[row, column], self.team))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,68 +115,106 @@ class Observations:
 
     team: Team
     side: int
-    tick: NDArray[np.int32]
+    seed: Annotated[NDArray[np.uint64], FieldSpec(is_of_kernel=True)]
     """Shape (n,)."""
-    ground: NDArray[np.int8]
-    """Shape (n, stride): the cells of `Observation.ground` row by row; past side * side it means nothing."""
-    cell: NDArray[np.int16]
-    """Shape (n, own units): row * side + column of each own unit."""
-    alive: NDArray[np.uint8]
-    """Shape (n, own units)."""
-    enemy_cell: NDArray[np.int16]
-    """Shape (n, enemy units): those in sight by cell and type, then -1."""
-    enemy_flies: NDArray[np.uint8]
-    """Shape (n, enemy units): beside `enemy_cell`."""
-    enemy_type: NDArray[np.int8]
-    """Shape (n, enemy units): index into `Ruleset.units`, beside `enemy_cell`; -1 after the last."""
-    living: NDArray[np.int16]
-    """Shape (n, 2): own, enemy."""
-    score: NDArray[np.int16]
-    """Shape (n,): the own score."""
-    seed: NDArray[np.uint64]
+    tick: Annotated[NDArray[np.int32], FieldSpec(values=of.ticks, is_of_kernel=True, is_public=True)]
     """Shape (n,)."""
-    clock_ms: NDArray[np.uint32]
+    clock_ms: Annotated[NDArray[np.uint32], FieldSpec(blank=NO_CLOCK_MS)]
     """Shape (n,): the extra time that the seat has left, or `NO_CLOCK_MS`."""
+    score: Annotated[NDArray[np.int16], FieldSpec(values=range(-100, 101), is_of_kernel=True, is_public=True)]
+    """Shape (n,): the own score."""
+    living: Annotated[NDArray[np.int16], FieldSpec(axes=(2,), values=of.counts, is_of_kernel=True, is_public=True)]
+    """Shape (n, 2): own, enemy."""
+    cell: Annotated[NDArray[np.int16], FieldSpec(axes=(of.n_own,), values=of.cells)]
+    """Shape (n, own units): row * side + column of each own unit."""
+    enemy_cell: Annotated[
+        NDArray[np.int16], FieldSpec(axes=(of.n_enemies,), values=of.cells_or_none, blank=-1, is_of_kernel=True)
+    ]
+    """Shape (n, enemy units): those in sight by cell and type, then -1."""
+    enemy_type: Annotated[NDArray[np.int8], FieldSpec(axes=(of.n_enemies,), values=of.types_or_none, blank=-1, is_of_kernel=True)]
+    """Shape (n, enemy units): index into `Ruleset.units`, beside `enemy_cell`; -1 after the last."""
+    alive: Annotated[NDArray[np.uint8], FieldSpec(axes=(of.n_own,), values=range(2))]
+    """Shape (n, own units)."""
+    ground: Annotated[NDArray[np.int8], FieldSpec(axes=(of.n_cells,), values=of.GROUND_CODES, blank=Code.HIDDEN)]
+    """Shape (n, stride): the cells of `Observation.ground` row by row; past side * side it means nothing."""
+    enemy_flies: Annotated[
+        NDArray[np.uint8], FieldSpec(axes=(of.n_enemies,), values=range(2), is_on_wire=False, is_of_kernel=True)
+    ]
+    """Shape (n, enemy units): beside `enemy_cell`; follows from `enemy_type`."""
+
+    @classmethod
+    def blank(cls, ruleset: Ruleset, team: Team, n_seats: int, **arrays: NDArray[Any]) -> "Observations":
+        """Return observations made of `arrays`, and of fresh memory for the fields that are not among them."""
+        rest = {name: _blank(name, ruleset, team, n_seats) for name in FIELDS if name not in arrays}
+        return cls(team=team, side=ruleset.side, **arrays, **rest)
 
     def __len__(self) -> int:
         return len(self.tick)
 
     def select(self, seats: Any) -> "Observations":
         """Return the observations of some seats: a slice shares memory, an index array copies."""
-        return Observations(
-            team=self.team, side=self.side, tick=self.tick[seats], ground=self.ground[seats], cell=self.cell[seats],
-            alive=self.alive[seats], enemy_cell=self.enemy_cell[seats], enemy_flies=self.enemy_flies[seats],
-            enemy_type=self.enemy_type[seats], living=self.living[seats], score=self.score[seats], seed=self.seed[seats],
-            clock_ms=self.clock_ms[seats],
-        )  # fmt: skip
+        return Observations(team=self.team, side=self.side, **{name: getattr(self, name)[seats] for name in FIELDS})
 
     def seat(self, seat: int, ruleset: Ruleset) -> Observation:
         """Return a copy of one seat's observation as a bot gets it."""
-        side, clock_ms = self.side, int(self.clock_ms[seat])
+        side, clock_ms = self.side, self.clock_ms.item(seat)
         ground = self.ground[seat, : side * side].reshape(side, side).copy()
         ground.flags.writeable = False
         own = zip(ruleset.team(self.team), self.cell[seat].tolist(), self.alive[seat].tolist(), strict=True)
-        in_sight = [
-            (cell, ruleset.units[kind])
-            for cell, kind in zip(self.enemy_cell[seat].tolist(), self.enemy_type[seat].tolist(), strict=True)
-            if cell >= 0
-        ]
+        enemies = zip(self.enemy_cell[seat].tolist(), self.enemy_type[seat].tolist(), strict=True)
         return Observation(
-            tick=int(self.tick[seat]),
             team=self.team,
             ground=ground,
             units=tuple(
-                OwnUnit(index=index, type=kind.name, row=cell // side, column=cell % side, alive=bool(alive), flies=kind.flies)
-                for index, (kind, cell, alive) in enumerate(own)
+                [
+                    OwnUnit(
+                        index=index, type=kind.name, row=cell // side, column=cell % side, alive=bool(alive), flies=kind.flies
+                    )
+                    for index, (kind, cell, alive) in enumerate(own)
+                ]
             ),
             enemies=tuple(
-                EnemyUnit(row=cell // side, column=cell % side, type=kind.name, flies=kind.flies) for cell, kind in in_sight
+                [
+                    EnemyUnit(
+                        row=cell // side, column=cell % side, type=ruleset.units[kind].name, flies=ruleset.units[kind].flies
+                    )
+                    for cell, kind in enemies
+                    if cell >= 0
+                ]
             ),
-            living=(int(self.living[seat, 0]), int(self.living[seat, 1])),
-            score=int(self.score[seat]),
             clock_s=None if clock_ms == NO_CLOCK_MS else clock_ms / 1000,
-            seed=int(self.seed[seat]),
+            **{name: _plain(getattr(self, name), seat) for name in _NUMBERS},
         )
+
+
+def _plain(array: NDArray[Any], seat: int) -> Any:
+    """Return what one seat has of a field, as a Python number or a tuple of them."""
+    return array.item(seat) if array.ndim == 1 else tuple(array[seat].tolist())
+
+
+def _read_specs() -> dict[str, FieldSpec]:
+    hints = get_type_hints(Observations, include_extras=True)
+    rows: dict[str, Any] = {name: get_args(hint) for name, hint in hints.items() if hasattr(hint, "__metadata__")}
+    return {name: replace(spec, dtype=get_args(get_args(array)[1])[0]) for name, (array, spec) in rows.items()}
+
+
+FIELDS = _read_specs()
+"""The table: what is laid out how, by name, in the order of the wire."""
+_NUMBERS = [field.name for field in fields(Observation) if field.name in FIELDS and field.name != "ground"]
+"""Fields that `Observation` has under the same name, as a number or a tuple of them."""
+_OF_KERNEL = [name for name, spec in FIELDS.items() if spec.is_of_kernel]
+Seen = namedtuple("Seen", _OF_KERNEL)  # type: ignore[misc]  # mypy wants the names spelled out
+"""The fields that the kernel writes, as arrays."""
+
+
+def make_seen(ruleset: Ruleset, team: Team, n_games: int) -> Any:
+    """Return memory for what the kernel writes, nobody in sight."""
+    return Seen(*(_blank(name, ruleset, team, n_games) for name in _OF_KERNEL))
+
+
+def _blank(name: str, ruleset: Ruleset, team: Team, n_seats: int) -> NDArray[Any]:
+    spec = FIELDS[name]
+    return np.full((n_seats, *spec.shape_of(ruleset, team)), spec.blank, spec.dtype)
 
 
 def find_legal_actions(
@@ -197,10 +239,9 @@ def find_legal_actions(
     legal = np.zeros((*cell.shape, len(Action)), np.bool_)
     legal[..., Action.STAY] = True
     seats = np.arange(len(cell))[:, None]
-    for action, (rows, columns) in enumerate(STEPS[1:], start=1):
-        row, column = cell // side + rows, cell % side + columns
-        is_on_board = (row >= 0) & (row < side) & (column >= 0) & (column < side)
-        target = np.where(is_on_board, row * side + column, 0)
-        is_free = (ground[seats, target] != Code.OBSTACLE) | flies.astype(np.bool_)
-        legal[..., action] = alive.astype(np.bool_) & is_on_board & is_free
+    for action in tuple(Action)[1:]:
+        row, column = row_after(cell // side, action), column_after(cell % side, action)
+        is_there = is_on_board(row, column, side)
+        target = np.where(is_there, row * side + column, 0)
+        legal[..., action] = alive.astype(np.bool_) & is_there & can_enter(ground[seats, target], flies)
     return legal

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.rules import column_after, is_in_sight, is_on_board, reach_of, row_after, squared_distance
 from arena.game.ruleset import Ruleset
-from arena.game.types import STEPS, Team
+from arena.game.types import Action, Team
 
 WORD = 64
 """Cells in one word of a set of cells."""
@@ -35,6 +36,14 @@ class StateField(IntEnum):
     """Games that this row has held before, where finished games are drawn anew."""
 
 
+class Event(IntEnum):
+    """Rows of `State.event`: what a tick may do to a unit."""
+
+    FOUGHT = 0
+    FELL = 1
+    CAPTURED = 2
+
+
 class State(NamedTuple):
     """The true state of `n` games."""
 
@@ -51,17 +60,19 @@ class State(NamedTuple):
     stream: NDArray[np.uint32]
     """Shape (n, 2): Philox key from which a row that is drawn anew takes the keys of its next game."""
 
+    event: NDArray[np.int32]
+    """Shape (n, len(Event), units): the tick that last did it to a unit, as counted after it; -1 for none. No flags, so that a
+    tick without events has nothing to clear."""
 
-class Seen(NamedTuple):
-    """What one team is told of `n` games beside its board and its own units; fields of `arena.game.observation.Observations`."""
 
-    tick: NDArray[np.int32]
-    living: NDArray[np.int16]
-    score: NDArray[np.int16]
-    seed: NDArray[np.uint64]
-    enemy_cell: NDArray[np.int16]
-    enemy_flies: NDArray[np.uint8]
-    enemy_type: NDArray[np.int8]
+class TickEvents(NamedTuple):
+    """What the last tick of each game did to its units; bool, shape (n, units)."""
+
+    fought: NDArray[np.bool_]
+    """An enemy had it in reach. It lives, or it fell."""
+    fell: NDArray[np.bool_]
+    captured: NDArray[np.bool_]
+    """It stands on the enemy's flag, and that ended the match."""
 
 
 class Rule(IntEnum):
@@ -124,19 +135,7 @@ def make_state(ruleset: Ruleset, n_games: int) -> State:
         field=np.zeros((n_games, len(StateField)), np.int32),
         key=np.zeros((n_games, 2, 2, 2), np.uint32),
         stream=np.zeros((n_games, 2), np.uint32),
-    )
-
-
-def make_seen(n_games: int, n_enemies: int) -> Seen:
-    """Return memory for what a team is told, nobody in sight."""
-    return Seen(
-        tick=np.zeros(n_games, np.int32),
-        living=np.zeros((n_games, 2), np.int16),
-        score=np.zeros(n_games, np.int16),
-        seed=np.zeros(n_games, np.uint64),
-        enemy_cell=np.full((n_games, n_enemies), -1, np.int16),
-        enemy_flies=np.zeros((n_games, n_enemies), np.uint8),
-        enemy_type=np.full((n_games, n_enemies), -1, np.int8),
+        event=np.full((n_games, len(Event), n_units), -1, np.int32),
     )
 
 
@@ -153,12 +152,14 @@ def make_tables(ruleset: Ruleset) -> Tables:
     units = [*teams[0], *teams[1]]
     traits = np.zeros((len(units), len(Trait)), np.int64)
     for row, unit in zip(traits, units, strict=True):
-        reach = unit.attack**2 if ruleset.attack_at_range else unit.attack**2 - 1
-        row[:] = ruleset.units.index(unit), unit.step, -1 if unit.flies else reach, unit.strength, unit.flies
+        reach = reach_of(unit.attack, ruleset.attack_at_range, unit.flies)
+        row[:] = ruleset.units.index(unit), unit.step, reach, unit.strength, unit.flies
     rows, columns = np.divmod(np.arange(side * side), side)
-    neighbour = np.zeros((len(STEPS), side * side), np.int16)
-    for action, (down, right) in enumerate(STEPS):
-        neighbour[action] = np.clip(rows + down, 0, side - 1) * side + np.clip(columns + right, 0, side - 1)
+    neighbour = np.zeros((len(Action), side * side), np.int16)
+    for action in Action:
+        to_rows, to_columns = row_after(rows, action), column_after(columns, action)
+        there = is_on_board(to_rows, to_columns, side)
+        neighbour[action] = np.where(there, to_rows, rows) * side + np.where(there, to_columns, columns)
     return Tables(
         rule=rule,
         unit=traits,
@@ -174,10 +175,10 @@ def _discs(ruleset: Ruleset, rows: NDArray[Any], columns: NDArray[Any]) -> NDArr
     cells = len(rows)
     words = n_words(ruleset.side)
     disc = np.zeros((len(ruleset.units), cells + 1, words), np.uint64)
-    squared = (rows[:, None] - rows[None, :]) ** 2 + (columns[:, None] - columns[None, :]) ** 2
+    squared = squared_distance(rows[:, None] - rows[None, :], columns[:, None] - columns[None, :])
     bits = np.zeros((cells, words * WORD), np.uint8)
     for kind, unit in enumerate(ruleset.units):
-        bits[:, :cells] = squared <= unit.sight**2
+        bits[:, :cells] = is_in_sight(squared, unit.sight)
         disc[kind, :cells] = np.packbits(bits, axis=1, bitorder="little").view(np.uint64)
     return disc
 

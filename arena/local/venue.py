@@ -274,7 +274,7 @@ class _Batch:
         result = match_result(self._games, row)
         for team, fighter in self._fighters.items():
             if type(fighter).end is not BatchPolicy.end:
-                fighter.end(row, result if team is Team.BLUE else replace(result, score=-result.score))
+                fighter.end(row, result.seen_by(team))
         self._pieces[row].append(write_ending(self._chains[row], result))
         blue, red = self._n_unreadable[row].tolist()
         return MatchRecord(

@@ -20,7 +20,7 @@ class Ask:
     team: Team
     tick: int
     observation: bytes
-    """As `arena.protocol.observation_codec.pack` gives it."""
+    """As `arena.protocol.observation_codec.ObservationWriter` writes it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

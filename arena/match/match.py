@@ -17,7 +17,7 @@ from arena.game.types import Action, Team, Termination
 from arena.match.effects import Ask, Effect, End, Publish, Write
 from arena.match.time_control import TimeControl
 from arena.policy import MatchResult
-from arena.protocol.observation_codec import Writer
+from arena.protocol.observation_codec import ObservationWriter
 from arena.records.journal import CHAIN_BYTES, Header, Journal, Mark, write_ending, write_start, write_tick
 from arena.records.replay import match_result
 
@@ -67,7 +67,7 @@ class _Seat:
 
     team: Team
     n_units: int
-    sight: Writer
+    sight: ObservationWriter
     bank_s: float
     grace_s: float
     answer: bytes
@@ -99,7 +99,7 @@ class Match:
             team: _Seat(
                 team=team,
                 n_units=n_units[team],
-                sight=Writer(seen, 0),
+                sight=ObservationWriter(seen, 0),
                 bank_s=time_control.bank_s,
                 grace_s=time_control.grace_s,
                 answer=_STAY * n_units[team],

@@ -18,8 +18,8 @@ from arena.pit.seating import Pairing, Seating
 from arena.pit.seats import SlotId
 from arena.policy import MatchResult
 from arena.protocol.messages import Closed, JoinRequest, Refusal, Wait
-from arena.records.journal import journal_name, load_journal
-from arena.records.plan import MatchPlan
+from arena.records.journal import identity_of, journal_name, load_journal
+from arena.records.plan import MatchPlan, PitMatchId
 from arena.records.replay import BrokenChainError, verify
 
 logger = logging.getLogger(__name__)
@@ -137,9 +137,13 @@ class LadderSeating(Seating):
             self._waiting.pop(slot.entry, None)
 
 
-def ladder_prefix(pit: str) -> str:
-    """Return what the identity of a pit's every ladder match begins with, and that of no other match."""
-    return f"{pit}/ladder/"
+def is_of_ladder(identity: str, pit: str) -> bool:
+    """Whether a match is of a pit's ladder."""
+    try:
+        match = PitMatchId.parse(identity)
+    except ValueError:
+        return False
+    return match.is_rated and match.pit == pit
 
 
 def find_uncounted(journals: Path, pit: str, counted: Collection[str]) -> Iterator[LadderMatch]:
@@ -148,8 +152,8 @@ def find_uncounted(journals: Path, pit: str, counted: Collection[str]) -> Iterat
     Each is played again first: what is counted holds.
     """
     names = {journal_name(identity) for identity in counted}
-    for path in sorted(journals.glob(f"{ladder_prefix(pit).replace('/', '+')}*.journal")):
-        if path.name in names:
+    for path in sorted(journals.glob("*.journal")):
+        if path.name in names or not is_of_ladder(identity_of(path.name), pit):
             continue
         try:
             journal = load_journal(path)

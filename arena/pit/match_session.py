@@ -216,7 +216,7 @@ class MatchSession:
     def _end(self, result: MatchResult) -> list[Effect]:
         ended = Ended(
             match=self.id,
-            **result.in_words(),
+            **result.to_dict(),
             faults={team.name.lower(): self.match.record(team).faults() for team in Team},
         )
         self.ending = sign_statement(self._context.identity, ended)

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -19,13 +19,14 @@ from arena.network.access import Certificate
 from arena.network.address import Address
 from arena.network.session import open_router
 from arena.pit.effects import MatchEnded
-from arena.pit.ladder import Ladder, LadderMatch, LadderSeating, find_uncounted, ladder_prefix
+from arena.pit.ladder import Ladder, LadderMatch, LadderSeating, find_uncounted, is_of_ladder
 from arena.pit.match_session import PitContext
 from arena.pit.referee import Referee
 from arena.pit.register import Register
 from arena.pit.seating import OpenSeating, Seating
 from arena.protocol.identity import Identity
-from arena.records.plan import MatchPlan
+from arena.records.journal import identity_of
+from arena.records.plan import MatchPlan, PitMatchId
 
 _DRAIN_S = 8.0
 """How long running matches may go on after `stop`; what is left then can be resumed."""
@@ -62,12 +63,10 @@ class Pit:
         self._stopped_at_s: float | None = None
         self._done_at_s: float | None = None
         self._referee: Referee | None = None
-        self._prefix = f"{settings.address.pit}/"
         self._seating: Seating
         if settings.ladder is None:
             self._seating = OpenSeating(self._make_plan, settings.n_matches)
         else:
-            self._prefix = ladder_prefix(settings.address.pit)
             self._seating = LadderSeating(settings.ladder, self._make_plan, settings.n_matches)
 
     def stop(self) -> None:
@@ -87,7 +86,9 @@ class Pit:
             open_router(settings.address.endpoint, settings.address.pit, settings.certificate) as session,
         ):
             counted = self._catch_up()
-            self._numbers = count(_next_number(settings.journals, self._prefix, counted))
+            self._numbers = count(
+                _next_number(settings.journals, settings.address.pit, counted, is_rated=settings.ladder is not None)
+            )
             context = PitContext(pit=settings.address.pit, identity=settings.identity, spectator_key=settings.spectator_key)
             referee = Referee(
                 session,
@@ -130,7 +131,7 @@ class Pit:
     def _report(self, ended: MatchEnded, on_end: Callable[[MatchEnded], None]) -> None:
         """Count a match of the ladder; one that an earlier pit began without it is none."""
         header = ended.header
-        if self._settings.ladder is not None and header.identity.startswith(self._prefix):
+        if self._settings.ladder is not None and is_of_ladder(header.identity, self._settings.address.pit):
             names = {Team.BLUE: header.blue, Team.RED: header.red}
             match = LadderMatch(
                 identity=header.identity,
@@ -144,18 +145,24 @@ class Pit:
 
     def _make_plan(self, blue: str, red: str) -> MatchPlan:
         """Plan a match of its own: no map is played twice here, since whoever comes may remember."""
-        identity = f"{self._prefix}{next(self._numbers):06}/{blue}/{red}"
-        secret = self._settings.secret
+        settings = self._settings
+        match = PitMatchId(
+            pit=settings.address.pit, is_rated=settings.ladder is not None, number=next(self._numbers), blue=blue, red=red
+        )
+        identity, secret = str(match), settings.secret
         keys = MatchKeys(map_key=derive_map_key(secret, identity, 0), match_key=derive_match_key(secret, identity))
         return MatchPlan(identity=identity, blue=blue, red=red, keys=keys)
 
 
-def _next_number(journals: Path, prefix: str, counted: Collection[str]) -> int:
+def _next_number(journals: Path, pit: str, counted: Collection[str], *, is_rated: bool) -> int:
     """Return the first number beyond those of a pit's matches that have a journal, or were counted: none is played twice."""
-    start = prefix.replace("/", "+")
-    known = [path.name.removeprefix(start).split("+") for path in journals.glob(f"{start}*.journal")]
-    known += [identity.removeprefix(prefix).split("/") for identity in counted]
-    return max((int(parts[0]) + 1 for parts in known if len(parts) == 3 and parts[0].isdecimal()), default=0)
+    first = 0
+    for identity in (*(identity_of(path.name) for path in journals.glob("*.journal")), *counted):
+        with suppress(ValueError):  # another's match
+            match = PitMatchId.parse(identity)
+            if (match.pit, match.is_rated) == (pit, is_rated):
+                first = max(first, match.number + 1)
+    return first
 
 
 @contextmanager

@@ -179,7 +179,7 @@ class Turn:
 
     tick: int
     observation: bytes
-    """As `arena.protocol.observation_codec.pack` gives it: of one length per ruleset."""
+    """As `arena.protocol.observation_codec.ObservationWriter` writes it: of one length per ruleset."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

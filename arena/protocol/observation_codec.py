@@ -1,58 +1,44 @@
 """An observation as bytes of one length per ruleset: every field has a fixed width, so that a length tells nothing.
 
-    seed uint64 | tick int32 | clock uint32, milliseconds, all bits set where none runs | own score int16 | own living,
-    enemy living int16 | own cells int16 | enemy cells int16 | enemy types int8 | own alive uint8 | ground int8 per cell
-
-Integers are little-endian, each at a multiple of its width, so that a reader's arrays are views of the bytes. Enemies out of
-sight are -1 and -1, after those in sight.
+The fields, their widths and their order are those of `arena.game.observation.FIELDS`; the clock is in milliseconds, all bits set
+where none runs. Integers are little-endian, each at a multiple of its width, so that a reader's arrays are views of the
+bytes. Enemies out of sight are -1 and -1, after those in sight.
 """
 
+from itertools import accumulate, takewhile
+from math import prod
 from struct import Struct
-from typing import Any
 
 import numpy as np
 
 from arena.errors import UnreadableError
-from arena.game.observation import NO_CLOCK_MS, Observations
+from arena.game.observation import FIELDS, NO_CLOCK_MS, Observations
+from arena.game.observation_fields import GROUND_CODES
 from arena.game.ruleset import Ruleset
-from arena.game.types import FLAGS, HALVES, Code, Team
+from arena.game.types import Team
 
-_CLOCK_AT, _CLOCK = 12, NO_CLOCK_MS.to_bytes(4, "little")
-_CODES = bytes(code & 0xFF for code in (Code.HIDDEN, *HALVES, *FLAGS, Code.OBSTACLE))
-
-
-def pack(observations: Observations, seat: int) -> bytes:
-    """Return the bytes of one seat's observation; who writes many keeps a `Writer`."""
-    return Writer(observations, seat).write()
-
-
-def unpack(data: bytes, ruleset: Ruleset, team: Team) -> Observations:
-    """Return the observation that `pack` wrote, as a batch of one; who reads many keeps a `Reader`.
-
-    Raises
-    ------
-    UnreadableError
-        The bytes are no observation under this ruleset.
-    """
-    return Reader(ruleset, team).read(data)
+_WIRE = {name: spec for name, spec in FIELDS.items() if spec.is_on_wire}
+_WIDTHS = {name: np.dtype(spec.dtype).itemsize for name, spec in _WIRE.items()}
+_CLOCK_AT = sum(_WIDTHS[name] for name in takewhile("clock_ms".__ne__, _WIRE))
+"""In bytes; only single numbers stand before the clock, so that no ruleset moves it."""
+_NO_CLOCK = NO_CLOCK_MS.to_bytes(_WIDTHS["clock_ms"], "little")
+_CODES = bytes(code & 0xFF for code in GROUND_CODES)
 
 
-def timeless(data: bytes) -> bytes:
+def without_clock(data: bytes) -> bytes:
     """Return an observation's bytes as if no clock ran, which anybody can compute from the journal alone."""
-    return data[:_CLOCK_AT] + _CLOCK + data[_CLOCK_AT + len(_CLOCK) :]
+    return data[:_CLOCK_AT] + _NO_CLOCK + data[_CLOCK_AT + len(_NO_CLOCK) :]
 
 
-class Writer:
+class ObservationWriter:
     """Writes the observations of one seat, which its venue lays out in the same memory at every tick."""
 
     def __init__(self, observations: Observations, seat: int) -> None:
-        seen = observations.select(slice(seat, seat + 1))
-        self._clock_ms = seen.clock_ms
-        fields = (
-            seen.seed, seen.tick, seen.clock_ms, seen.score, seen.living, seen.cell, seen.enemy_cell, seen.enemy_type, seen.alive,
-            seen.ground[:, : seen.side**2],
-        )  # fmt: skip
-        self._fields = [field.data.cast("B") for field in fields if field.size]
+        row, n_cells = slice(seat, seat + 1), observations.side**2
+        fields = {name: getattr(observations, name)[row] for name in _WIRE}
+        fields["ground"] = fields["ground"][:, :n_cells]
+        self._clock_ms = fields["clock_ms"]
+        self._fields = [field.data.cast("B") for field in fields.values() if field.size]
 
     def set_clock(self, bank_s: float) -> None:
         """Say how much extra time the seat has left."""
@@ -63,70 +49,66 @@ class Writer:
         return b"".join(self._fields)
 
 
-class Reader:
+class ObservationReader:
     """Reads the observations of one seat, each into the memory of the one before."""
 
     def __init__(self, ruleset: Ruleset, team: Team) -> None:
-        n_own, n_enemy, self._n_cells = len(ruleset.team(team)), len(ruleset.team(team.other)), ruleset.side**2
-        layout: dict[str, tuple[Any, tuple[int, ...]]] = {
-            "seed": (np.uint64, (1,)),
-            "tick": (np.int32, (1,)),
-            "clock_ms": (np.uint32, (1,)),
-            "score": (np.int16, (1,)),
-            "living": (np.int16, (1, 2)),
-            "cell": (np.int16, (1, n_own)),
-            "enemy_cell": (np.int16, (1, n_enemy)),
-            "enemy_type": (np.int8, (1, n_enemy)),
-            "alive": (np.uint8, (1, n_own)),
-            "ground": (np.int8, (1, self._n_cells)),
+        shapes = {name: spec.shape_of(ruleset, team) for name, spec in _WIRE.items()}
+        counts = {name: prod(shape) for name, shape in shapes.items()}
+        ends = dict(zip(_WIRE, accumulate(counts[name] * _WIDTHS[name] for name in _WIRE), strict=True))
+        self.n_bytes = ends["ground"]
+        """Length of an observation."""
+        memory = np.zeros(self.n_bytes, np.uint8)
+        arrays = {
+            name: memory[ends[name] - counts[name] * _WIDTHS[name] : ends[name]].view(spec.dtype).reshape(1, *shapes[name])
+            for name, spec in _WIRE.items()
         }
-        counts = [int(np.prod(shape)) * np.dtype(kind).itemsize for kind, shape in layout.values()]
-        memory = np.zeros(sum(counts), np.uint8)
-        parts = np.split(memory, np.cumsum(counts)[:-1])
-        arrays = {name: part.view(kind).reshape(shape) for (name, (kind, shape)), part in zip(layout.items(), parts, strict=True)}
-        flies = np.zeros((1, n_enemy), np.uint8)
-        self._seen = Observations(team=team, side=ruleset.side, enemy_flies=flies, **arrays)
-        self._memory, self._enemy_flies = memory.data, flies[0].data
-        numbers = list(layout.values())[:-1]  # all but the ground
-        self._head = Struct("".join(f"{np.prod(shape)}{np.dtype(kind).char}" for kind, shape in numbers))
-        self._n_own, self._nobody, self._n_kinds = n_own, [-1] * n_enemy, len(ruleset.units)
+        self._seen = Observations.blank(ruleset, team, 1, **arrays)
+        self._memory, self._enemy_flies = memory.data, self._seen.enemy_flies[0].data
         self._flies = [*(unit.flies for unit in ruleset.units), False]
         """By type; -1, which is no unit, finds the last, which does not fly."""
+
+        self._n_cells = counts.pop("ground")  # the last field, which is checked by its bytes; the others are unpacked
+        self._numbers = Struct("".join(f"{count}{np.dtype(_WIRE[name].dtype).char}" for name, count in counts.items()))
+        parts = {name: slice(end - counts[name], end) for name, end in zip(counts, accumulate(counts.values()), strict=True)}
+        self._enemy_cell, self._enemy_type = parts["enemy_cell"], parts["enemy_type"]
+        self._nobody = (-1,) * counts["enemy_type"]
+        bounds = {name: _WIRE[name].values_of(ruleset, team) for name in parts}
+        self._single = [(name, parts[name].start, values) for name, values in bounds.items() if values and not shapes[name]]
+        self._several = [(name, parts[name], frozenset(values)) for name, values in bounds.items() if values and shapes[name]]
 
     def blank(self) -> Observations:
         """Return the memory as it is before anything was read: a board that shows nothing."""
         return self._seen
 
     def read(self, data: bytes) -> Observations:
-        """Return what `pack` wrote, in memory that the next call overwrites; see `unpack`."""
-        if len(data) != len(self._memory):
-            raise UnreadableError(f"an observation has {len(self._memory)} bytes under these rules, not {len(data)}")
+        """Return what an `ObservationWriter` wrote, as a batch of one, in memory that the next call overwrites.
+
+        Raises
+        ------
+        UnreadableError
+            The bytes are no observation under this ruleset.
+        """
+        if len(data) != self.n_bytes:
+            raise UnreadableError(f"an observation has {self.n_bytes} bytes under these rules, not {len(data)}")
         if data[-self._n_cells :].translate(None, _CODES):
             raise UnreadableError("an observation has a cell that no game has")
-        enemy_type = self._check(data)
+        numbers = self._numbers.unpack_from(data)
+        self._check(numbers)
         self._memory[:] = data
-        self._enemy_flies[:] = bytes(map(self._flies.__getitem__, enemy_type))
+        self._enemy_flies[:] = bytes(map(self._flies.__getitem__, numbers[self._enemy_type]))
         return self._seen
 
-    def _check(self, data: bytes) -> list[int]:
-        """Return the types of the enemies; refuse units where no unit can be, since fighters index boards by them."""
-        _, tick, _, _, _, _, *units = self._head.unpack_from(data)
-        n_own, n_enemy = self._n_own, len(self._nobody)
-        cell, alive = units[:n_own], units[n_own + 2 * n_enemy :]
-        enemy_cell, enemy_type = units[n_own : n_own + n_enemy], units[n_own + n_enemy : n_own + 2 * n_enemy]
-        if (
-            tick < 0
-            or min(cell, default=0) < 0
-            or max(cell, default=0) >= self._n_cells
-            or max(alive, default=0) > 1
-            or ((enemy_cell != self._nobody or enemy_type != self._nobody) and not self._can_be(enemy_cell, enemy_type))
-        ):
-            raise UnreadableError("an observation has a tick or a unit that no game has")
-        return enemy_type
-
-    def _can_be(self, cells: list[int], kinds: list[int]) -> bool:
-        """Whether enemies have a type and a place on the board, or neither."""
-        places = range(self._n_cells)
-        return all(
-            (at == kind == -1) or (at in places and 0 <= kind < self._n_kinds) for at, kind in zip(cells, kinds, strict=True)
-        )
+    def _check(self, numbers: tuple[int, ...]) -> None:
+        """Refuse what no game can hold, since fighters index boards by it."""
+        for name, at, values in self._single:
+            if numbers[at] not in values:
+                raise UnreadableError(f"an observation has {numbers[at]} as its {name}, which no game has")
+        for name, part, allowed in self._several:
+            if not allowed.issuperset(numbers[part]):
+                raise UnreadableError(f"an observation has {numbers[part]} as its {name}, which no game has")
+        kinds = numbers[self._enemy_type]
+        if kinds != self._nobody or numbers[self._enemy_cell] != self._nobody:
+            for cell, kind in zip(numbers[self._enemy_cell], kinds, strict=True):
+                if (cell < 0) != (kind < 0):
+                    raise UnreadableError("an observation has an enemy with a type and no place, or a place and no type")

@@ -15,7 +15,7 @@ import msgpack
 
 from arena.errors import InputError, JournalError
 from arena.game.ruleset import Ruleset, from_dict, to_dict
-from arena.game.types import RULES_VERSION, Team, Termination
+from arena.game.types import RULES_VERSION
 from arena.policy import MatchResult
 
 _LENGTH = struct.Struct("<I")
@@ -117,18 +117,15 @@ def read_header(data: bytes, kind: str, make: Callable[[dict[str, Any], Ruleset]
 
 def pack_ending(result: MatchResult) -> bytes:
     """Return the bytes of how a match ended."""
-    return bytes(msgpack.packb(result.in_words()))
+    return bytes(msgpack.packb(result.to_dict()))
 
 
 def read_ending(data: bytes, kind: str) -> MatchResult:
     """Return what `pack_ending` wrote; `JournalError` if it was changed."""
     try:
-        values: dict[str, Any] = msgpack.unpackb(data)
-        values["ending"] = Termination[values["ending"].upper()]
-        values["winner"] = None if values["winner"] is None else Team[values["winner"].upper()]
-        if [type(values[name]) for name in ("score", "ticks", "reason")] != [int, int, str]:
+        result = MatchResult.from_dict(msgpack.unpackb(data))
+        if [type(value) for value in (result.score, result.ticks, result.reason)] != [int, int, str]:
             raise JournalError(f"the {kind}'s ending was changed: a number is none, or its reason is no text")
-        result = MatchResult(**values)
         if pack_ending(result) != data:
             raise JournalError(f"the {kind}'s ending was changed: its bytes are not as the arena writes them")
         return result

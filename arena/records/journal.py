@@ -23,7 +23,7 @@ from enum import IntFlag
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
+from urllib.parse import quote, unquote
 
 import msgpack
 
@@ -49,6 +49,7 @@ from arena.records.framing import (
 MAGIC = b"ARENA-JOURNAL-1\n"
 CHAIN_BYTES = 32
 _KIND = "journal"
+_SUFFIX = ".journal"
 _SEATS_BYTES = 3 * PUBLIC_BYTES + SIGNATURE_BYTES
 _SEAL_BYTES = {b"R": 1 + 4 + CHAIN_BYTES + SIGNATURE_BYTES, b"S": SIGNATURE_BYTES}
 
@@ -291,13 +292,18 @@ def whole_part(data: bytes) -> bytes:
 
 def journal_name(identity: str) -> str:
     """Return the file name of a match's journal; no two identities share one."""
-    return quote(identity, safe="/").replace("/", "+") + ".journal"
+    return quote(identity, safe="/").replace("/", "+") + _SUFFIX
+
+
+def identity_of(name: str) -> str:
+    """Return the identity of the match whose journal has this file name."""
+    return unquote(name.removesuffix(_SUFFIX).replace("+", "/"))
 
 
 def save_journal(folder: str, identity: str, data: bytes) -> None:
     """Write a whole journal, readable by its owner alone; whoever looks for it finds it whole, or not at all."""
     path = f"{folder}/{journal_name(identity)}"
-    draft = f"{path.removesuffix('.journal')}.draft"
+    draft = f"{path.removesuffix(_SUFFIX)}.draft"
     descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     try:
         if os.write(descriptor, data) != len(data):
@@ -319,7 +325,7 @@ def find_journals(paths: list[Path]) -> Iterator[Path]:
     """Yield journals: each file as it is, and those in each folder, by name."""
     for path in paths:
         if path.is_dir():
-            found = sorted(path.rglob("*.journal"))
+            found = sorted(path.rglob(f"*{_SUFFIX}"))
             if not found:
                 raise InputError(f"{path} holds no journals (files ending in .journal)")
             yield from found

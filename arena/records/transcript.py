@@ -27,7 +27,7 @@ from arena.game.observation import Observation
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION, Team
 from arena.policy import MatchResult
-from arena.protocol.observation_codec import Reader, pack, timeless
+from arena.protocol.observation_codec import ObservationReader, without_clock
 from arena.records.framing import (
     CutShortError,
     FrameReader,
@@ -59,7 +59,7 @@ class Head:
 
     def add(self, observation: bytes) -> None:
         """Take the observation of the next tick; its clock does not count."""
-        self.digest = link(self.digest, timeless(observation))
+        self.digest = link(self.digest, without_clock(observation))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,7 +183,7 @@ class Transcript:
 
     def observations(self) -> Iterator[Observation]:
         """Yield what the seat was shown, as a bot gets it."""
-        reader = Reader(self.header.ruleset, self.header.team)
+        reader = ObservationReader(self.header.ruleset, self.header.team)
         for observation, _ in self.ticks:
             yield reader.read(observation).seat(0, self.header.ruleset)
 
@@ -198,8 +198,8 @@ def read_transcript(data: bytes) -> Transcript:
     """
     source = FrameReader(data, _KIND)
     header = TranscriptHeader.unpack(source.take_start(MAGIC))
-    reader = Reader(header.ruleset, header.team)
-    n_observation, n_orders = len(pack(reader.blank(), 0)), len(header.ruleset.team(header.team))
+    reader = ObservationReader(header.ruleset, header.team)
+    n_observation, n_orders = reader.n_bytes, len(header.ruleset.team(header.team))
     ticks: list[tuple[bytes, bytes]] = []
     while source.peek() == b"T" and source.left > n_observation + n_orders:
         where = f"tick {len(ticks)}"

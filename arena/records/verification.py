@@ -1,14 +1,14 @@
 """What the pit and the entries put their names to in a journal, checked against the match as it is played again."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 from arena.errors import ForgedError
 from arena.game.types import Team
 from arena.protocol.codec import encode
 from arena.protocol.messages import Commitment, Receipt, Signed
-from arena.protocol.observation_codec import Writer, timeless
+from arena.protocol.observation_codec import ObservationWriter, without_clock
 from arena.protocol.signed import check_journal, check_receipt, commit, read_statement
 from arena.records.journal import Journal, match_id
 from arena.records.replay import replay
@@ -54,7 +54,7 @@ def watch(journal: Journal) -> list[list[bytes]]:
     shown: list[list[bytes]] = [[], []]
     for games in replay(journal):
         for team, seen in games.observe().items():
-            shown[team].append(timeless(Writer(seen, 0).write()))
+            shown[team].append(without_clock(ObservationWriter(seen, 0).write()))
     return shown
 
 
@@ -84,13 +84,13 @@ def compare(journal: Journal, transcript: Transcript) -> str:
         return "the journal's keys are not those that the pit committed itself to"
     shown, told = watch(journal)[header.team], transcript.ending
     for tick, (seen, (observation, orders)) in enumerate(zip(shown, transcript.ticks, strict=False)):
-        if seen != timeless(observation):
+        if seen != without_clock(observation):
             return f"at tick {tick} the seat was shown something else than the journal's match shows"
         if not journal.keeps(tick, header.team, orders):
             return f"at tick {tick} the journal has other orders than the seat gave"
     if len(transcript.ticks) > len(shown):
         return "the seat was shown more ticks than the journal has"
-    if told and journal.ending != replace(told, score=told.score if header.team is Team.BLUE else -told.score):
+    if told and journal.ending != told.seen_by(header.team):
         return "the journal ends otherwise than the seat was told"
     return ""
 

@@ -1,7 +1,7 @@
-"""What a person has told the units of one seat, as data: selection, standing orders, autopilot, remembered ground.
+"""What a person commands in one seat, as data: selection, standing orders, autopilot, remembered ground.
 
-Pure: what is seen, typed and clicked goes in with the time, orders and a `Picture` come out. The terminal and the browser are
-two shells around it.
+Pure: observations, keys and clicks go in with the time, actions and a `ViewModel` come out. The terminal and the browser are two
+shells around it.
 """
 
 from collections.abc import Sequence
@@ -9,14 +9,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from arena.game.observation import Observation, OwnUnit
+from arena.game.rules import can_enter
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Code, Team
 from clients.human.routes import Cell, Routes, lead
-from clients.human.view_model import Option, Picture, UnitPicture
+from clients.human.view_model import Option, UnitView, ViewModel
 
 
 class Commander:
-    """The head of one seat of one match. Before the first `see` there is nothing to command."""
+    """Commands the units of one seat in one match, from the first `see` on."""
 
     def __init__(self, ruleset: Ruleset, team: Team) -> None:
         self.ruleset, self.team = ruleset, team
@@ -33,7 +34,7 @@ class Commander:
 
     @property
     def tick(self) -> int:
-        """Of the turn that is on; -1 before the first."""
+        """The tick to be answered; -1 before the first."""
         return -1 if self._seen is None else self._seen.tick
 
     @property
@@ -49,7 +50,7 @@ class Commander:
         advice
             What the autopilot would do, an action per unit; None without one.
         deadline_s
-            When the turn ends by itself, on the clock of `picture`; None where no clock runs.
+            When the turn ends by itself, on the clock of `view`; None where no clock runs.
         """
         self._seen, self._advice, self._deadline_s = seen, advice, deadline_s
         self._fresh.clear()
@@ -63,11 +64,11 @@ class Commander:
             self.select_next()
 
     def extend(self, deadline_s: float | None) -> None:
-        """Let the turn that is on end later: the pit was away meanwhile."""
+        """End the current turn later, after the pit was away."""
         self._deadline_s = deadline_s
 
     def advise(self, advice: Sequence[int] | None) -> None:
-        """Change what units without orders do in this turn: an action per unit, or None for staying."""
+        """Replace the actions of units without orders in this turn; None lets them stay."""
         self._advice = advice
 
     def select(self, index: int) -> bool:
@@ -86,21 +87,21 @@ class Commander:
             self.selected = living[0]
 
     def order(self, action: Action) -> bool:
-        """Tell the selected unit to go in a direction, or to stay, until told otherwise; False if that cannot be."""
+        """Order the selected unit to go in a direction, or to stay, until its next order; False if it cannot."""
         option = next((one for one in self._options() if one.action is action), None)
         if option is None or not option.is_open:
             return False
-        self._tell(action)
+        self._set_order(action)
         return True
 
     def send(self, row: int, column: int) -> bool:
-        """Tell the selected unit to go to a cell, and stay there; False if no way is known."""
+        """Order the selected unit to go to a cell and stay there; False if no way is known."""
         if self.selected < 0 or not (0 <= row < self.ruleset.side and 0 <= column < self.ruleset.side):
             return False
         unit = self._unit(self.selected)
         if (row, column) != (unit.row, unit.column) and not self._way(unit, (row, column))[0]:
             return False
-        self._tell((row, column))
+        self._set_order((row, column))
         return True
 
     def point(self, row: int, column: int) -> bool:
@@ -113,7 +114,7 @@ class Commander:
         return True
 
     def release(self) -> None:
-        """Take the selected unit's order back: the autopilot moves it, or nobody."""
+        """Cancel the selected unit's order: the autopilot moves it, or nobody."""
         self._orders.pop(self.selected, None)
         self._fresh.discard(self.selected)
 
@@ -121,13 +122,13 @@ class Commander:
         """Return what the units do if the turn ends now, one action each."""
         return [] if self._seen is None else [self._action(unit) for unit in self._seen.units]
 
-    def picture(self, now_s: float) -> Picture:
-        """Return what is to be shown now; `ValueError` before the first turn."""
+    def view_model(self, now_s: float) -> ViewModel:
+        """Return what a screen shows now; `ValueError` before the first turn."""
         seen = self._seen
         if seen is None:
-            raise ValueError("nothing was seen yet")
+            raise ValueError("there was no observation yet")
         grid = seen.grid
-        return Picture(
+        return ViewModel(
             tick=seen.tick,
             tick_limit=self.ruleset.tick_limit,
             team=self.team,
@@ -142,11 +143,11 @@ class Commander:
             is_complete=self.is_complete,
         )
 
-    def _draw(self, unit: OwnUnit) -> UnitPicture:
+    def _draw(self, unit: OwnUnit) -> UnitView:
         order, kind = self._orders.get(unit.index), self._kinds[unit.index]
         target = order if isinstance(order, tuple) else None
         is_autopilot = unit.alive and order is None and self._advice is not None
-        return UnitPicture(
+        return UnitView(
             index=unit.index, type=unit.type, cell=(unit.row, unit.column), alive=unit.alive, flies=unit.flies,
             sight=kind.sight, attack=kind.attack, order=self._describe(unit), action=self._action(unit), target=target,
             route=() if target is None else tuple(self._way(unit, target)[1]), is_fresh=unit.index in self._fresh,
@@ -198,12 +199,12 @@ class Commander:
             to, why = lead(at, action, step, side), ""
             if to == at:
                 why = "the board ends" if step else "it cannot move"
-            elif not unit.flies and self._known[to] == Code.OBSTACLE:
+            elif not can_enter(self._known[to], unit.flies):
                 why = "an obstacle"
             options.append(Option(action=action, to=to, is_open=not why, why=why))
         return tuple(options)
 
-    def _tell(self, order: Action | Cell) -> None:
+    def _set_order(self, order: Action | Cell) -> None:
         self._orders[self.selected] = order
         self._fresh.add(self.selected)
 

@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.rules import can_enter, column_after, is_on_board, row_after
 from arena.game.ruleset import UnitType
-from arena.game.types import STEPS, Action, Code
+from arena.game.types import Action, Code
 from policies.tactics.moves import head_for
 from policies.tactics.paths import UNREACHED, downhill, flood
 
@@ -48,7 +49,7 @@ class Routes:
         ground = self._ground.copy()
         for row, column in taken:
             ground[0, row * self._side + column] = Code.OBSTACLE
-        if ground[0, self._number(goal)] == Code.OBSTACLE:
+        if not can_enter(ground[0, self._number(goal)], 0):
             return [], []
         flood(ground, 0, self._side, self._number(goal), self._steps, self._queue)
         actions: list[Action] = []
@@ -80,5 +81,8 @@ class Routes:
 
 def lead(at: Cell, action: Action, step: int, side: int) -> Cell:
     """Return where `step` cells in a direction lead, at most to the border."""
-    rows, columns = STEPS[action]
-    return min(max(at[0] + rows * step, 0), side - 1), min(max(at[1] + columns * step, 0), side - 1)
+    for _ in range(step):
+        beyond = row_after(at[0], action), column_after(at[1], action)
+        if is_on_board(*beyond, side):
+            at = beyond
+    return at

@@ -20,7 +20,7 @@ class Option:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class UnitPicture:
+class UnitView:
     """One own unit, and what it is about to do."""
 
     index: int
@@ -32,11 +32,11 @@ class UnitPicture:
     """In cells, as `attack`."""
     attack: int
     order: str
-    """In words: what it was told."""
+    """Its order in words."""
     action: Action
     """What it does if the turn ends now."""
     target: Cell | None
-    """The cell that it was sent to."""
+    """The cell that it was ordered to."""
     route: tuple[Cell, ...]
     """Cells on the way there, tick by tick."""
     is_fresh: bool
@@ -45,7 +45,7 @@ class UnitPicture:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Picture:
+class ViewModel:
     """All that a screen shows of a turn."""
 
     tick: int
@@ -60,10 +60,10 @@ class Picture:
     """What the team sees, in the codes of Table 2."""
     known: Board
     """The same, with the ground that it remembers where nothing is seen now."""
-    units: tuple[UnitPicture, ...]
+    units: tuple[UnitView, ...]
     selected: int
     """Index of a unit; -1 if none lives."""
     options: tuple[Option, ...]
     """Of the selected unit, one per action."""
     is_complete: bool
-    """Whether every living unit got its order in this turn: nothing is left to be said."""
+    """Whether every living unit got its order in this turn: the turn can end."""

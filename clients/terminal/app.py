@@ -1,4 +1,4 @@
-"""The screen of a person who plays in the terminal. It shows what lies on the `Desk`, and tells it what was typed and clicked."""
+"""The terminal app of a person who plays: it draws what is in the `TurnMailbox`, and passes keys and clicks on."""
 
 import threading
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from arena.display.text import LEGEND
 from arena.errors import ArenaError
 from arena.game.types import Action
 from clients.human.commander import Commander
-from clients.human.turn_mailbox import Desk
+from clients.human.turn_mailbox import TurnMailbox
 from clients.terminal import panel
 from clients.terminal.board import BoardView
 from policies.registry import OWN
@@ -41,20 +41,20 @@ class Over(ModalScreen[None]):
     Over Static { width: 70%; min-width: 36; height: auto; max-height: 100%; border: round $accent; padding: 1 2; }
     """
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, mailbox: TurnMailbox) -> None:
         super().__init__()
-        self._desk = desk
+        self._mailbox = mailbox
 
     def compose(self) -> ComposeResult:
         """Lay out the screen."""
-        result, commander = self._desk.result, self._desk.commander
+        result, commander = self._mailbox.result, self._mailbox.commander
         if result is not None and commander is not None:
-            told = panel.tell_over(commander.team, result, self._desk.seen)
-            yield Static(told.append("\nPress Enter to go on."))
+            ending = panel.format_ending(commander.team, result, self._mailbox.seen)
+            yield Static(ending.append("\nPress Enter to go on."))
 
 
-class Pit(App[None]):
-    """One person's screen, for as many matches as the runner plays."""
+class PitApp(App[None]):
+    """One person's screen, for as many matches as the client plays."""
 
     ENABLE_COMMAND_PALETTE = False
     CSS = """
@@ -82,26 +82,26 @@ class Pit(App[None]):
     ]
 
     class Changed(Message):
-        """There is something new on the desk."""
+        """There is something new in the mailbox."""
 
     class Left(Message):
-        """The person is sent away."""
+        """The app is to end."""
 
     class Stopped(Message):
-        """The runner plays no more."""
+        """The client has stopped playing."""
 
-    def __init__(self, desk: Desk, run: Callable[[], object], stop: Callable[[], None]) -> None:
+    def __init__(self, mailbox: TurnMailbox, run: Callable[[], object], stop: Callable[[], None]) -> None:
         super().__init__()
         self.failure: ArenaError | None = None
-        """Why the runner gave up."""
-        self._desk, self._run_matches, self._stop = desk, run, stop
+        """Why the client gave up."""
+        self._mailbox, self._run_matches, self._stop = mailbox, run, stop
         self._has_stopped = self._is_leaving = False
         self._shown_over = ""
         self._news = ""
         self._thread = threading.Thread(target=self._play, name="runner")
         self.board = BoardView()
         # Held, not queried: a tick of the clock may still fall into the end, when the screen has let its widgets go.
-        self._turn, self._goal, self._units, self._options, self._told = (
+        self._turn, self._goal, self._units, self._options, self._news_line = (
             Static(id=part) for part in ("turn", "goal", "units", "options", "news")
         )
         self._middle = Container(
@@ -114,18 +114,18 @@ class Pit(App[None]):
         """Lay out the screen."""
         yield self._turn
         yield self._middle
-        yield self._told
+        yield self._news_line
         yield Static(panel.HELP, id="help", markup=False)
 
     def on_mount(self) -> None:
         """Begin to play."""
-        self._desk.on_change = self._tell_change
+        self._mailbox.on_change = self._post_change
         self.set_interval(_CLOCK_S, self._draw_turn)
         self.draw()
         self._thread.start()
 
     def on_resize(self) -> None:
-        """Find room for the board."""
+        """Fit the board to the new size."""
         self.draw()
 
     def leave(self) -> None:
@@ -133,21 +133,21 @@ class Pit(App[None]):
         self._stop()
         self.post_message(self.Left())
 
-    def on_pit_left(self) -> None:
+    def on_pit_app_left(self) -> None:
         """End."""
         self.exit()
 
     def close(self) -> None:
-        """Wait for the runner to leave the pit."""
+        """Wait for the client to leave the pit."""
         self._stop()
         if self._thread.ident is not None:
             self._thread.join()
 
-    def on_pit_changed(self) -> None:
+    def on_pit_app_changed(self) -> None:
         """Show what is new."""
         self.draw()
 
-    def on_pit_stopped(self) -> None:
+    def on_pit_app_stopped(self) -> None:
         """Leave, once the last result was read."""
         self._has_stopped = True
         self.draw()
@@ -155,38 +155,38 @@ class Pit(App[None]):
             self.exit()
 
     def on_board_view_pointed(self, message: BoardView.Pointed) -> None:
-        """Choose the unit that was clicked, or send the chosen one there."""
+        """Select the unit that was clicked, or send the selected one there."""
         self._command(lambda commander: commander.point(message.row, message.column), "no way is known to that cell")
 
     def action_choose(self, index: int) -> None:
-        """Choose a unit by its number: its index, as bots and replays count, from 0."""
+        """Select a unit by its index, from 0."""
         self._command(lambda commander: commander.select(index), f"you have no living unit {index}")
 
     def action_next(self, step: int) -> None:
-        """Choose the next unit, or the one before."""
+        """Select the next unit, or the one before."""
         self._command(lambda commander: commander.select_next(step))
 
     def action_head(self, action: int) -> None:
-        """Tell the chosen unit to go in a direction."""
+        """Order the selected unit in a direction."""
         self._command(lambda commander: commander.order(Action(action)), f"it may not go {Action(action).name.lower()}")
 
     def action_release(self) -> None:
-        """Take the chosen unit's order back."""
+        """Cancel the selected unit's order."""
         self._command(lambda commander: commander.release())
 
     def action_end_turn(self) -> None:
-        """Let the orders go out."""
+        """Send the orders."""
         self._news = ""
-        self._desk.end_turn()
+        self._mailbox.end_turn()
         self.draw()
 
     def action_autopilot(self) -> None:
-        """Let the next script move the units without orders; after the last, none."""
+        """Choose the next script for units without orders; after the last, none."""
         choices = ["", *OWN]
-        now = self._desk.autopilot
+        now = self._mailbox.autopilot
         following = choices[(choices.index(now) + 1) % len(choices) if now in choices else 0]
         self._news = f"autopilot: {following or 'off'}"
-        self.run_worker(lambda: self._fly_by(following), thread=True, exclusive=True)  # which may have to be compiled
+        self.run_worker(lambda: self._set_autopilot(following), thread=True, exclusive=True)  # which may have to be compiled
 
     def action_memory(self) -> None:
         """Show the ground that is remembered, or what is in sight alone."""
@@ -198,7 +198,7 @@ class Pit(App[None]):
         """Leave; in a match, only when asked twice."""
         if isinstance(self.screen, Over):
             self.screen.dismiss()
-        elif self._is_leaving or self._has_stopped or not self._desk.is_playing:
+        elif self._is_leaving or self._has_stopped or not self._mailbox.is_playing:
             self.exit()
         else:
             self._is_leaving = True
@@ -206,50 +206,50 @@ class Pit(App[None]):
             self.draw()
 
     def draw(self) -> None:
-        """Show what lies on the desk."""
-        picture, desk = self._desk.picture(), self._desk
+        """Show what is in the mailbox."""
+        view, mailbox = self._mailbox.view_model(), self._mailbox
         self._draw_turn()
-        self._told.update(f"waiting {desk.waits}" if desk.waits else self._news)
-        if picture is None:
+        self._news_line.update(f"waiting {mailbox.waiting_for}" if mailbox.waiting_for else self._news)
+        if view is None:
             return
-        side = len(picture.grid)
+        side = len(view.grid)
         self.board.is_wide = self.size.width >= 2 * side + _PANEL_COLUMNS
         self._middle.set_class(self.size.width < side + _PANEL_COLUMNS, "narrow")
-        self.board.show(picture)
-        self._goal.update(panel.tell_goal(picture.team, desk.opponent))
-        self._units.update(panel.tell_units(picture, desk.autopilot))
-        self._options.update(panel.tell_options(picture))
-        if desk.result is not None and self._shown_over != desk.match:
-            self._shown_over = desk.match
-            self.push_screen(Over(desk), self._on_read)
+        self.board.show(view)
+        self._goal.update(panel.format_goal(view.team, mailbox.opponent))
+        self._units.update(panel.format_units(view, mailbox.autopilot))
+        self._options.update(panel.format_options(view))
+        if mailbox.result is not None and self._shown_over != mailbox.match:
+            self._shown_over = mailbox.match
+            self.push_screen(Over(mailbox), self._on_read)
 
     def _draw_turn(self) -> None:
-        picture = self._desk.picture()
-        told: str | Text = (
+        view = self._mailbox.view_model()
+        text: str | Text = (
             "looking for the pit"
-            if picture is None
-            else panel.tell_turn(picture, self._desk.opponent, is_my_turn=self._desk.is_my_turn)
+            if view is None
+            else panel.format_turn(view, self._mailbox.opponent, is_my_turn=self._mailbox.is_my_turn)
         )
-        self._turn.update(told)
+        self._turn.update(text)
 
     def _on_read(self, _: None) -> None:
-        if self._has_stopped or self._desk.result is not None:
+        if self._has_stopped or self._mailbox.result is not None:
             self.exit()
 
-    def _command(self, tell: Callable[[Commander], bool | None], complaint: str = "") -> None:
+    def _command(self, act: Callable[[Commander], bool | None], complaint: str = "") -> None:
         self._is_leaving = False
 
-        def told(commander: Commander) -> None:
-            self._news = complaint if tell(commander) is False else ""
+        def act_and_report(commander: Commander) -> None:
+            self._news = complaint if act(commander) is False else ""
 
-        self._desk.command(told)
+        self._mailbox.command(act_and_report)
         self.draw()
 
-    def _fly_by(self, autopilot: str) -> None:
-        self._desk.fly_by(autopilot)
-        self._tell_change()
+    def _set_autopilot(self, autopilot: str) -> None:
+        self._mailbox.set_autopilot(autopilot)
+        self._post_change()
 
-    def _tell_change(self) -> None:
+    def _post_change(self) -> None:
         self.post_message(self.Changed())
 
     def _play(self) -> None:

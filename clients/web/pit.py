@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from arena.display.frame import describe_rules, describe_tick
+from arena.display.frame import Units, describe_rules, describe_tick, find_events
 from arena.errors import ArenaError, LostPitError, ProtocolError
 from arena.game.ruleset import Ruleset
 from arena.network.address import Address
@@ -46,6 +46,8 @@ class Watch:
     has_opened: bool = False
     """The key opened a truth."""
     is_warned: bool = False
+    units: Units | None = None
+    """Of the last scene."""
 
     def tell(self, message: dict[str, Any]) -> None:
         """Leave a message for the page."""
@@ -174,20 +176,20 @@ class PitClient:
     def _hear_truth(self, match: str, payload: bytes) -> None:
         for watch in [one for one in self._watches if one.match == match and one.key and one.spectator]:
             try:
-                frame = watch.spectator.hear_truth(payload) if watch.spectator else None
+                frame = watch.spectator.read_truth(payload) if watch.spectator else None
             except ProtocolError:
                 if not watch.has_opened and not watch.is_warned:
                     watch.is_warned = True
                     watch.tell({"kind": "wrong key", "sentence": "the truth of this match does not open with this key"})
                 continue
-            if frame is not None:
+            if frame is not None and self._ruleset is not None:
                 watch.has_opened = True
-                watch.tell(_describe(frame))
+                watch.tell(_describe_scene(watch, frame, self._ruleset))
 
     def _hear_public(self, match: str, payload: bytes) -> None:
         if self._ruleset is None:
             return
-        frame = Spectator(self.address.pit, match, self._ruleset, self._pit_key, None).hear_public(payload)
+        frame = Spectator(self.address.pit, match, self._ruleset, self._pit_key, None).read_public(payload)
         if frame is None:
             return
         if frame.ended is not None and all(one["match"] != match for one in self.results):
@@ -204,11 +206,24 @@ def _describe(frame: Frame) -> dict[str, Any]:
     """Return a frame as what a page is sent."""
     if frame.ended is not None:
         return {"kind": "ended", "ending": _tell_ending(frame)}
-    if frame.truth is None or frame.seen is None or frame.units is None:
-        return {"kind": "facts", "tick": frame.tick, "names": frame.names, "living": frame.living, "score": frame.score}
-    units = [[(unit.row, unit.column, unit.alive) for unit in team] for team in frame.units]
+    return {"kind": "facts", "tick": frame.tick, "names": frame.names, "living": frame.living, "score": frame.score}
+
+
+def _describe_scene(watch: Watch, frame: Frame, ruleset: Ruleset) -> dict[str, Any]:
+    """Return an opened truth as what a page is sent."""
+    assert frame.truth is not None
+    assert frame.seen is not None
+    assert frame.units is not None
+    before, units = watch.units, [[(unit.row, unit.column, unit.alive) for unit in team] for team in frame.units]
+    watch.units = units
     scene = describe_tick(
-        frame.tick, score=frame.score, living=frame.living or (0, 0), truth=frame.truth, seen=frame.seen, units=units
+        frame.tick,
+        score=frame.score,
+        living=frame.living or (0, 0),
+        truth=frame.truth,
+        seen=frame.seen,
+        units=units,
+        events=find_events(ruleset, before, units),
     )
     return {"kind": "scene", **scene}
 

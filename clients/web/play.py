@@ -1,7 +1,7 @@
 """A person who plays in the browser: a seat of their own, that outlives the page as long as its match does.
 
 The seat's runner has its thread, as `arena join` has its process. What the page is sent is what the terminal shows, a
-`clients.human.view_model.Picture` as plain data; what it says goes to the same `Commander`.
+`clients.human.view_model.ViewModel` as plain data; what it says goes to the same `Commander`.
 """
 
 import asyncio
@@ -18,11 +18,11 @@ from arena.errors import ArenaError, InputError, UnknownNameError
 from arena.game.types import Action
 from clients.audit import Verdict
 from clients.human.commander import Commander
-from clients.human.turn_mailbox import Desk
-from clients.human.view_model import Picture
+from clients.human.turn_mailbox import TurnMailbox
+from clients.human.view_model import ViewModel
 from clients.runner import Runner
 from clients.seat import Seat
-from clients.settings import Settings
+from clients.settings import ClientSettings
 from policies import registry
 
 logger = logging.getLogger(__name__)
@@ -46,11 +46,11 @@ class Wish:
 class Player:
     """One person, in one match."""
 
-    def __init__(self, wish: Wish, settings: Settings, opponent: Settings | None) -> None:
+    def __init__(self, wish: Wish, settings: ClientSettings, opponent: ClientSettings | None) -> None:
         self.token = secrets.token_urlsafe(_TOKEN_BYTES)
         """Known to the page that asked for the seat, and to no other."""
         self.wish = wish
-        self.desk = Desk()
+        self.desk = TurnMailbox()
         self.is_over = False
         """Whether the runner has ended; nothing changes after that."""
         self._failure = ""
@@ -58,7 +58,7 @@ class Player:
         self._pages: set[Callable[[], None]] = set()
         self.desk.on_change = self._on_change
         own = replace(settings, make=self.desk.make, is_patient=True, n_matches=1, on_audit=self._hear_verdict)
-        self._runner = Runner(own, on_seat=self.desk.meet, on_end=lambda _: None, on_wait=self.desk.wait)
+        self._runner = Runner(own, on_seat=self.desk.on_seat, on_end=lambda _: None, on_wait=self.desk.on_wait)
         self.desk.wake = self._runner.wake
         self._runners = [self._runner]
         if opponent is not None:
@@ -99,11 +99,11 @@ class Player:
         """Return all that the page shows now."""
         desk = self.desk
         with desk.lock:
-            picture, result = desk.picture(), desk.result
+            picture, result = desk.view_model(), desk.result
             told: dict[str, Any] = {
                 "kind": "failed" if self._failure else "over" if result else "turn" if picture else "waiting",
                 "name": self.wish.name,
-                "sentence": self._failure or desk.waits,
+                "sentence": self._failure or desk.waiting_for,
                 "match": desk.match,
                 "opponent": desk.opponent,
                 "autopilot": desk.autopilot,
@@ -113,7 +113,7 @@ class Player:
             if picture is not None and desk.commander is not None:
                 told["picture"] = _describe(picture)
             if result is not None:
-                told["result"] = result.in_words()
+                told["result"] = result.to_dict()
         return told
 
     def do(self, word: Any) -> None:
@@ -127,7 +127,7 @@ class Player:
 
     def fly_by(self, autopilot: str) -> None:
         """Choose another autopilot; takes a moment, so not for the loop of the server."""
-        self.desk.fly_by(autopilot)
+        self.desk.set_autopilot(autopilot)
         self._on_change()
 
     def _run(self, runner: Runner) -> None:
@@ -163,7 +163,7 @@ class Players:
         What a runner is told of an entry, by its name, its team and its invite code; `InputError` if it cannot be.
     """
 
-    def __init__(self, settings: Callable[[str, str, str], Settings]) -> None:
+    def __init__(self, settings: Callable[[str, str, str], ClientSettings]) -> None:
         self._settings = settings
         self._players: dict[str, Player] = {}
 
@@ -230,7 +230,7 @@ def _read_word(word: Any) -> Callable[[Commander], object] | None:
     raise InputError("the page said what no person can do")
 
 
-def _describe(picture: Picture) -> dict[str, Any]:
+def _describe(picture: ViewModel) -> dict[str, Any]:
     """Return a picture as plain data."""
     return {
         "tick": picture.tick,

@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.compiled import can_enter
+from arena.game.rules import reach_of
 from arena.game.ruleset import Ruleset
 from arena.game.types import FLAGS, HALVES, Code, Team
 from arena.jit import jit
@@ -20,7 +22,6 @@ from policies.belief.bitrows import NONE, bit, count, flood, low_bits
 from policies.belief.memory import remember
 from policies.belief.tracks import track
 
-_OBSTACLE = int(Code.OBSTACLE)
 NEVER = -1
 """Stands in `Belief.seen_at` where nobody has looked yet."""
 
@@ -105,7 +106,7 @@ class Belief(NamedTuple):
 def know(ruleset: Ruleset, team: Team) -> Known:
     """Return what `team` knows of a ruleset."""
     own, enemies = ruleset.team(team), ruleset.team(team.other)
-    reach = {unit.name: unit.attack**2 - (not ruleset.attack_at_range) if unit.attack else -1 for unit in ruleset.units}
+    reach = {unit.name: reach_of(unit.attack, ruleset.attack_at_range, unit.flies) for unit in ruleset.units}
 
     def numbers(values: Any) -> NDArray[np.int64]:
         return np.array(list(values), np.int64)
@@ -232,7 +233,7 @@ def _look(seat: int, sight: Any, belief: Any, side: int) -> None:
         for column in range(side):
             code = sight.ground[seat, first + column]
             seen |= np.uint64(code >= 0) << np.uint64(column)
-            walls |= np.uint64(code == _OBSTACLE) << np.uint64(column)
+            walls |= np.uint64(not can_enter(code, 0)) << np.uint64(column)
             belief.seen_at[seat, first + column] = tick if code >= 0 else belief.seen_at[seat, first + column]
         belief.in_sight[seat, row] = seen
         belief.walkable[seat, row] &= ~walls

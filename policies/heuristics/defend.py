@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.compiled import column_after, row_after
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.jit import jit
 from arena.policy import Orders
 from policies.belief.memory import RememberingPolicy, Sight, nearest_walker, remember
 from policies.chance import draw
-from policies.tactics.moves import STAY, column_of, row_of
+from policies.tactics.moves import STAY
 from policies.tactics.pursuit import pursue
 from policies.tactics.wandering import next_goal
 
@@ -56,7 +57,7 @@ def _act(sight: Any, memory: Any, facts: Any, goals: Any, orders: Any) -> None:
                 if goal != goals[seat, unit]:
                     goals[seat, unit], memory.detour[seat, unit] = goal, 0
             action = pursue(seat, unit, cell, goal, memory, facts, words)
-            to = memory.ground[seat, row_of(row, action) * side + column_of(column, action)]
+            to = memory.ground[seat, row_after(row, action) * side + column_after(column, action)]
             if flies or to not in (facts.enemy_half, facts.enemy_flag):
                 orders[seat, unit] = action
 

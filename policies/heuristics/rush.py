@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.compiled import can_enter
 from arena.game.ruleset import Ruleset
-from arena.game.types import Code, Team
+from arena.game.types import Team
 from arena.jit import jit
 from arena.policy import Orders
 from policies.belief.memory import RememberingPolicy, Sight, remember
@@ -18,7 +19,6 @@ from policies.tactics.moves import STAY
 from policies.tactics.paths import UNREACHED, downhill, flood
 from policies.tactics.pursuit import pursue
 
-_OBSTACLE = int(Code.OBSTACLE)
 _PATIENCE = 64
 """A lane's end is given up in one tick of so many: it may lie behind walls."""
 
@@ -54,7 +54,7 @@ def _act(sight: Any, memory: Any, facts: Any, legs: Any, steps: Any, queue: Any,
             words = draw(sight.seed[seat], unit)
             goal = _lane_end(int(legs[seat, unit]), unit, n_units, side, forward)
             is_there = abs(goal // side - row) <= step // 2 and abs(goal % side - column) <= step // 2
-            if is_there or (not flies and memory.ground[seat, goal] == _OBSTACLE) or one_in(words[1], _PATIENCE):
+            if is_there or not can_enter(memory.ground[seat, goal], flies) or one_in(words[1], _PATIENCE):
                 legs[seat, unit], memory.detour[seat, unit] = (legs[seat, unit] + 1) % (8 * n_units), 0
                 goal = _lane_end(int(legs[seat, unit]), unit, n_units, side, forward)
             orders[seat, unit] = pursue(seat, unit, cell, goal, memory, facts, words)

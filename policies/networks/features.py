@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.compiled import can_enter, column_after, is_in_reach, is_on_board, row_after, squared_distance
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
-from arena.game.types import Action, Code, Team
+from arena.game.types import Action, Team
 from arena.jit import jit
 from policies.belief.belief import forget, know, make_belief, update
 from policies.belief.bitrows import count, has
@@ -24,7 +25,6 @@ FEATURES_VERSION = 1
 ONE = 32
 _MOST, _FAR = 255, 63
 _STAY = int(Action.STAY)
-_OBSTACLE = int(Code.OBSTACLE)
 _MIRRORED = np.array([Action.STAY, Action.NORTH, Action.WEST, Action.SOUTH, Action.EAST], np.int8)
 
 
@@ -151,11 +151,11 @@ def _strike(planes: Any, plane: int, cell: int, reach: int, strength: int, side:
     """Add a unit's strength to every cell in its attack range."""
     row, column = cell // side, cell % side
     radius = 0
-    while (radius + 1) * (radius + 1) <= reach:
+    while is_in_reach(squared_distance(radius + 1, 0), reach):
         radius += 1
     for there in range(max(row - radius, 0), min(row + radius + 1, side)):
         for beside in range(max(column - radius, 0), min(column + radius + 1, side)):
-            if (there - row) ** 2 + (beside - column) ** 2 <= reach:
+            if is_in_reach(squared_distance(there - row, beside - column), reach):
                 planes[there, beside, plane] = min(planes[there, beside, plane] + ONE * strength, _MOST)
 
 
@@ -168,7 +168,7 @@ def _draw_ground(seat: int, belief: Any, side: int, planes: Any, is_turned: Any)
         here = planes[there // side, there % side]
         seen_at = belief.seen_at[seat, cell]
         here[Plane.ON_BOARD] = ONE
-        here[Plane.OBSTACLE] = ONE * (belief.ground[seat, cell] == _OBSTACLE)
+        here[Plane.OBSTACLE] = ONE * (not can_enter(belief.ground[seat, cell], 0))
         here[Plane.OWN_HALF] = ONE * (2 * (there % side) < side)
         here[Plane.VISIBLE] = ONE * (seen_at == tick)
         here[Plane.AGE] = _eighths(tick - seen_at) if seen_at >= 0 else _MOST
@@ -202,7 +202,7 @@ def _draw_tracks(seat: int, belief: Any, side: int, planes: Any, is_turned: Any)
 
 
 @jit(inline=True)
-def _draw_units(seat: int, sight: Any, known: Any, out: Any, is_turned: Any) -> int:
+def _draw_units(seat: int, sight: Any, belief: Any, known: Any, out: Any, is_turned: Any) -> int:
     """Write the planes of the units, and what each of the own may do; return how many of the own walk and live."""
     side, planes, n_walkers = known.side, out.planes[seat], 0
     for enemy in range(sight.enemy_cell.shape[1]):
@@ -225,9 +225,11 @@ def _draw_units(seat: int, sight: Any, known: Any, out: Any, is_turned: Any) -> 
         if not flies:
             n_walkers += 1
             _strike(planes, Plane.OWN_STRENGTH, cell, known.reach[unit], known.strength[unit], side)
-        for action, to_row, to_column in ((1, row - 1, column), (2, row, column + 1), (3, row + 1, column), (4, row, column - 1)):
-            if 0 <= to_row < side and 0 <= to_column < side:
-                legal[action] = flies or not planes[to_row, to_column, Plane.OBSTACLE]
+        for action in range(1, len(legal)):
+            to_row, to_column = row_after(row, action), column_after(column, action)
+            if is_on_board(to_row, to_column, side):
+                there = framed(to_row * side + to_column, side, is_turned)
+                legal[action] = can_enter(belief.ground[seat, there], flies)
     return n_walkers
 
 
@@ -238,7 +240,7 @@ def _encode(sight: Any, belief: Any, known: Any, out: Any) -> None:
         is_turned = belief.forward[seat] < 0
         _draw_ground(seat, belief, side, out.planes[seat], is_turned)
         _draw_tracks(seat, belief, side, out.planes[seat], is_turned)
-        n_own, n_enemies = _draw_units(seat, sight, known, out, is_turned), belief.n_enemies[seat]
+        n_own, n_enemies = _draw_units(seat, sight, belief, known, out, is_turned), belief.n_enemies[seat]
         scalars = out.scalars[seat]
         scalars[Scalar.TIME] = sight.tick[seat] / 100
         scalars[Scalar.TIME_LEFT] = (known.tick_limit - sight.tick[seat]) / 100

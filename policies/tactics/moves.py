@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from arena.game.types import Action, Code
+from arena.game.compiled import can_enter, column_after, is_on_board, row_after
+from arena.game.types import Action
 from arena.jit import jit
 from policies.chance import one_in
 
 STAY, NORTH, EAST, SOUTH, WEST = (int(action) for action in Action)
-_OBSTACLE = int(Code.OBSTACLE)
 _ONE = np.uint64(1)
 _PATIENCE = 32
 """A detour is given up in one tick of so many: the goal may have moved."""
@@ -34,18 +34,6 @@ def behind(action: int) -> int:
 
 
 @jit(inline=True)
-def row_of(row: int, action: int) -> int:
-    """Return the row that one step leads to."""
-    return row + (action == SOUTH) - (action == NORTH)
-
-
-@jit(inline=True)
-def column_of(column: int, action: int) -> int:
-    """Return the column that one step leads to."""
-    return column + (action == EAST) - (action == WEST)
-
-
-@jit(inline=True)
 def is_open(ground: Any, seat: int, side: int, row: int, column: int, action: int, flies: Any) -> bool:
     """Whether a step stays on the board and, for a unit that walks, off what `ground` shows as an obstacle.
 
@@ -56,10 +44,8 @@ def is_open(ground: Any, seat: int, side: int, row: int, column: int, action: in
     action
         A direction; not STAY.
     """
-    to_row, to_column = row_of(row, action), column_of(column, action)
-    if to_row < 0 or to_row >= side or to_column < 0 or to_column >= side:
-        return False
-    return bool(flies or ground[seat, to_row * side + to_column] != _OBSTACLE)
+    to_row, to_column = row_after(row, action), column_after(column, action)
+    return bool(is_on_board(to_row, to_column, side) and can_enter(ground[seat, to_row * side + to_column], flies))
 
 
 @jit()

@@ -1,11 +1,19 @@
 """The odds of combat: what going to a cell would cost, and what it would win, as far as the own side sees.
 
-DESIGN section 1: a unit with an enemy in range survives with probability F / (F + E). F sums the strength of itself and of the
-friends that have its cell in range, and 1 at home; E that of the enemies that do, and 1 away from home.
+The rules are those of `arena.game.rules`; `docs/rules.md` says them in words. F is what stands for a unit in its fight, E what
+stands against it.
 """
 
 from typing import Any
 
+from arena.game.compiled import (
+    home_bonus,
+    is_in_reach,
+    odds,
+    own_strength,
+    squared_distance,
+    survives_without_chance,
+)
 from arena.jit import jit
 from policies.belief.bitrows import NONE, has, low_bits
 
@@ -17,7 +25,7 @@ _AFTER_A_STEP = 0.5
 def squared(one: Any, other: Any, side: Any) -> Any:
     """Return the squared Euclidean distance between two cells."""
     down, right = one // side - other // side, one % side - other % side
-    return down * down + right * right
+    return squared_distance(down, right)
 
 
 @jit(inline=True)
@@ -25,10 +33,10 @@ def can_hit(enemy_cell: Any, kind: Any, cell: Any, known: Any) -> Any:
     """Return how likely an enemy has `cell` in range after the next move: 1, `_AFTER_A_STEP` or 0."""
     reach, side = known.type_reach[kind], known.side
     down, right = abs(enemy_cell // side - cell // side), abs(enemy_cell % side - cell % side)
-    if down * down + right * right <= reach:
+    if is_in_reach(squared_distance(down, right), reach):
         return 1.0
     longer, shorter = max(down, right), min(down, right)
-    if known.enemy_step > 0 and (longer - 1) * (longer - 1) + shorter * shorter <= reach:
+    if known.enemy_step > 0 and is_in_reach(squared_distance(longer - 1, shorter), reach):
         return _AFTER_A_STEP
     return 0.0
 
@@ -64,23 +72,22 @@ def weigh(
             enemies += likely * known.type_strength[kind]
             kills += likely * _kills_added(seat, unit, place, sight, belief, known, aims)
     is_home = not has(belief.enemy_half[seat], side, cell)
-    friends, averted = float(known.strength[unit] * known.self_counts + is_home), 0.0
+    friends, averted = float(own_strength(known.strength[unit], known.self_counts) + home_bonus(is_home)), 0.0
     for other in range(aims.shape[0]):
         if other == unit or known.flies[other] or not sight.alive[seat, other]:
             continue
         apart = squared(aims[other], cell, side)
-        if apart <= known.reach[other]:
+        if is_in_reach(apart, known.reach[other]):
             friends += known.strength[other]
-        if force[other, 1] > 0.0 and apart <= known.reach[unit]:
-            before, after = force[other, 1] + force[other, 0], force[other, 1] + force[other, 0] + known.strength[unit]
-            averted += force[other, 1] / before - force[other, 1] / after
+        if force[other, 1] > 0.0 and is_in_reach(apart, known.reach[unit]):
+            averted += odds(force[other, 1], force[other, 0]) - odds(force[other, 1], force[other, 0] + known.strength[unit])
     force[unit, 0], force[unit, 1] = friends, 0.0
     if enemies == 0.0:
         return 0.0, 0.0, averted
     if not known.is_combat_random:
-        return (0.0 if is_home else 1.0), kills, 0.0
-    force[unit, 1] = enemies + (not is_home)
-    return force[unit, 1] / (force[unit, 1] + friends), kills, averted
+        return (0.0 if survives_without_chance(is_home) else 1.0), kills, 0.0
+    force[unit, 1] = enemies + home_bonus(not is_home)
+    return odds(force[unit, 1], friends), kills, averted
 
 
 @jit(inline=True)
@@ -92,18 +99,17 @@ def _kills_added(seat: int, unit: int, place: int, sight: Any, belief: Any, know
     ours = 0.0
     for other in range(aims.shape[0]):
         is_fit = other != unit and not known.flies[other] and sight.alive[seat, other]
-        if is_fit and squared(aims[other], at, side) <= known.reach[other]:
+        if is_fit and is_in_reach(squared(aims[other], at, side), known.reach[other]):
             ours += known.strength[other]
-    theirs = float(is_its_home + known.type_strength[kind] * known.self_counts)
+    theirs = float(home_bonus(is_its_home) + own_strength(known.type_strength[kind], known.self_counts))
     for other in range(sight.enemy_cell.shape[1]):
         where = int(sight.enemy_cell[seat, other])
         if where < 0:
             break
-        if other != place and squared(at, where, side) <= known.type_reach[sight.enemy_type[seat, other]]:
+        if other != place and is_in_reach(squared(at, where, side), known.type_reach[sight.enemy_type[seat, other]]):
             theirs += known.type_strength[sight.enemy_type[seat, other]]
-    without = ours + (not is_its_home)
-    more = without + known.strength[unit]
-    return more / (more + theirs) - (without / (without + theirs) if ours > 0.0 else 0.0)
+    without = ours + home_bonus(not is_its_home)
+    return odds(without + known.strength[unit], theirs) - (odds(without, theirs) if ours > 0.0 else 0.0)
 
 
 @jit()
@@ -132,6 +138,6 @@ def mark_danger(seat: int, sight: Any, known: Any, rows: Any) -> None:
 def _half_width(reach: Any, down: Any) -> Any:
     """Return how many columns to either side a disc goes, so many rows from its middle; -1 outside."""
     width = -1
-    while (width + 1) * (width + 1) + down * down <= reach:
+    while is_in_reach(squared_distance(width + 1, down), reach):
         width += 1
     return width

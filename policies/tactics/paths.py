@@ -2,12 +2,11 @@
 
 from typing import Any
 
-from arena.game.types import Code
+from arena.game.compiled import column_after, row_after
 from arena.jit import jit
-from policies.tactics.moves import EAST, NORTH, SOUTH, STAY, WEST, column_of, is_open, row_of
+from policies.tactics.moves import EAST, NORTH, SOUTH, STAY, WEST, is_open
 
 UNREACHED = 32767
-_OBSTACLE = int(Code.OBSTACLE)
 
 
 @jit()
@@ -34,7 +33,7 @@ def flood(ground: Any, seat: int, side: int, goal: int, steps: Any, queue: Any) 
         row, column = cell // side, cell % side
         for action in (NORTH, EAST, SOUTH, WEST):
             if is_open(ground, seat, side, row, column, action, 0):
-                to = row_of(row, action) * side + column_of(column, action)
+                to = row_after(row, action) * side + column_after(column, action)
                 if steps[seat, to] == UNREACHED:
                     steps[seat, to] = steps[seat, cell] + 1
                     queue[last] = to
@@ -47,7 +46,7 @@ def downhill(ground: Any, seat: int, side: int, row: int, column: int, steps: An
     best, least = STAY, steps[seat, row * side + column]
     for action in (NORTH, EAST, SOUTH, WEST):
         if is_open(ground, seat, side, row, column, action, 0):
-            there = steps[seat, row_of(row, action) * side + column_of(column, action)]
+            there = steps[seat, row_after(row, action) * side + column_after(column, action)]
             if there < least:
                 best, least = action, there
     return best

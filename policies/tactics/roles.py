@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.compiled import column_after, is_in_reach, is_on_board, row_after
 from arena.jit import jit
 from policies.belief.bitrows import NONE, UNREACHED, bit, flood, has
 from policies.chance import draw
-from policies.tactics.moves import STAY, column_of, row_of
+from policies.tactics.moves import STAY
 from policies.tactics.odds import mark_danger, squared, weigh
 
 N_ROLES = 7
@@ -204,8 +205,8 @@ def _step(seat: int, unit: int, sight: Any, belief: Any, known: Any, plan: Any, 
 @jit(inline=True)
 def step_to(cell: int, action: int, seat: int, belief: Any, side: int) -> int:
     """Return the cell to which a step on foot leads, or -1: off the board, or onto what is known as an obstacle."""
-    row, column = row_of(cell // side, action), column_of(cell % side, action)
-    if row < 0 or row >= side or column < 0 or column >= side:
+    row, column = row_after(cell // side, action), column_after(cell % side, action)
+    if not is_on_board(row, column, side):
         return -1
     to = row * side + column
     return to if action == STAY or has(belief.walkable[seat], side, to) else -1
@@ -215,7 +216,8 @@ def step_to(cell: int, action: int, seat: int, belief: Any, side: int) -> int:
 def _support(seat: int, unit: int, cell: int, sign: float, known: Any, plan: Any) -> None:
     """Add what a unit at a cell gives to the strength of friends in contact, or take it away."""
     for other in range(plan.aim.shape[0]):
-        if other != unit and plan.force[other, 1] > 0.0 and squared(plan.aim[other], cell, known.side) <= known.reach[unit]:
+        apart = squared(plan.aim[other], cell, known.side)
+        if other != unit and plan.force[other, 1] > 0.0 and is_in_reach(apart, known.reach[unit]):
             plan.force[other, 0] = max(plan.force[other, 0] + sign * known.strength[unit], 0.0)
 
 

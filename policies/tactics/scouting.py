@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 
 from arena.game.bits import lowest_bit, popcount
+from arena.game.compiled import column_after, is_in_sight, is_on_board, row_after, squared_distance
 from arena.jit import jit
 from policies.belief.bitrows import NONE, ONE, low_bits
 from policies.chance import draw
-from policies.tactics.moves import STAY, column_of, row_of
+from policies.tactics.moves import STAY
 
 _NEW_CELL = 3
 """What a new cell in sight is worth, in steps towards the nearest one."""
@@ -53,7 +54,7 @@ def _nearest(rows: Any, side: int, cell: int) -> int:
 def _disc_row(row: int, column: int, to: int, sight_cells: int, side: int) -> Any:
     """Return the cells of one row that are seen from a cell."""
     width, down = -1, abs(to - row)
-    while (width + 1) * (width + 1) + down * down <= sight_cells * sight_cells:
+    while is_in_sight(squared_distance(width + 1, down), sight_cells):
         width += 1
     return low_bits(min(column + width + 1, side)) & ~low_bits(max(column - width, 0)) if width >= 0 else NONE
 
@@ -68,8 +69,8 @@ def _look(seat: int, unit: int, cell: int, goal: int, sight: Any, known: Any, un
         action = STAY if turn == 0 else 1 + (turn + first) % 4
         row, column = cell // side, cell % side
         for _ in range(known.step[unit]):
-            if 0 <= row_of(row, action) < side and 0 <= column_of(column, action) < side:
-                row, column = row_of(row, action), column_of(column, action)
+            if is_on_board(row_after(row, action), column_after(column, action), side):
+                row, column = row_after(row, action), column_after(column, action)
         if action != STAY and row * side + column == cell:
             continue
         value = 0

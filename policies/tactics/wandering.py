@@ -2,12 +2,11 @@
 
 from typing import Any
 
+from arena.game.compiled import can_enter
 from arena.game.philox import below
-from arena.game.types import Code
 from arena.jit import jit
 from policies.chance import one_in
 
-_OBSTACLE = int(Code.OBSTACLE)
 _PATIENCE = 64
 """A goal is given up in one tick of so many: it may lie behind walls."""
 
@@ -26,7 +25,7 @@ def next_goal(ground: Any, seat: int, side: int, cell: int, goal: int, half: int
         Four, as of `chance.draw`; all but the first are used.
     """
     is_near = abs(goal // side - cell // side) <= step // 2 and abs(goal % side - cell % side) <= step // 2
-    if goal >= 0 and not is_near and ground[seat, goal] != _OBSTACLE and not one_in(words[1], _PATIENCE):
+    if goal >= 0 and not is_near and can_enter(ground[seat, goal], 0) and not one_in(words[1], _PATIENCE):
         return goal
     column = below(words[2], side // 2) + (side // 2 if half > 0 else 0)
     return below(words[3], side) * side + column

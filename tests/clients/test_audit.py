@@ -125,16 +125,7 @@ class Played:
             elif isinstance(event, Ask):
                 self.asked.append(event)
             elif isinstance(event, End):
-                result = event.result
-                winner = None if result.winner is None else result.winner.name.lower()
-                ended = Ended(
-                    match=self.id,
-                    ending=result.ending.name.lower(),
-                    winner=winner,
-                    score=result.score,
-                    ticks=result.ticks,
-                    reason=result.reason,
-                )
+                ended = Ended(match=self.id, **event.result.to_dict())
                 for seat in self.seats.values():
                     seat.receive(ended)
 

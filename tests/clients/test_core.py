@@ -64,7 +64,7 @@ from clients.events import (
     Woken,
 )
 from clients.seat import Seat, Thinking
-from clients.settings import Settings
+from clients.settings import ClientSettings
 
 RULES = load("paper").with_({"side": 10})
 UNITS = len(RULES.team(Team.RED))
@@ -129,7 +129,7 @@ class Joined:
     def __init__(self, identity: Identity = PIT, **settings: Any) -> None:
         usual = {"n_matches": 1, "make": Counter, "identity": ANN, "patience_s": 10.0}
         self.core = ClientCore(
-            Settings(endpoint="", pit="pit", name="ann", team="any", **{**usual, **settings}),
+            ClientSettings(endpoint="", pit="pit", name="ann", team="any", **{**usual, **settings}),
             "client",
             lambda ticket, digest, _: Seat(ticket, digest, settings.get("make", Counter)),
         )

@@ -8,13 +8,13 @@ from arena.errors import LostPitError
 from arena.network.session import free_port, open_router
 from clients.core import MOST_UNANSWERED
 from clients.runner import TICK_S, Runner
-from clients.settings import Settings
+from clients.settings import ClientSettings
 from policies.registry import load
 
 
 def test_a_router_without_a_pit_is_asked_for_a_while() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    settings = Settings(endpoint=endpoint, pit="pit", name="ann", team="any", make=load("random"), n_matches=1)
+    settings = ClientSettings(endpoint=endpoint, pit="pit", name="ann", team="any", make=load("random"), n_matches=1)
     runner = Runner(settings, on_seat=lambda _: None, on_end=lambda _: None, on_wait=lambda _: None)
 
     with open_router(endpoint, "pit"):

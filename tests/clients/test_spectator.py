@@ -100,7 +100,7 @@ def frame(heard: Frame | None) -> Frame:
 
 def test_the_public_facts_of_each_tick_are_those_of_the_journal(show: Show, games: list[Any]) -> None:
     watching = spectator(key=None)
-    frames = [frame(watching.hear_public(payload)) for payload in show.public[:-1]]
+    frames = [frame(watching.read_public(payload)) for payload in show.public[:-1]]
 
     assert [one.tick for one in frames] == list(range(len(games) - 1))
     assert [(one.living, one.score) for one in frames] == [game[3:] for game in games[:-1]]
@@ -110,7 +110,7 @@ def test_the_public_facts_of_each_tick_are_those_of_the_journal(show: Show, game
 
 def test_the_ending_is_the_one_that_the_pit_signed(show: Show) -> None:
     journal = read_journal(show.journal)
-    ending = frame(spectator(key=None).hear_public(show.public[-1]))
+    ending = frame(spectator(key=None).read_public(show.public[-1]))
 
     assert journal.ending is not None
     assert ending.ended is not None
@@ -121,7 +121,7 @@ def test_the_ending_is_the_one_that_the_pit_signed(show: Show) -> None:
 def test_the_truth_and_both_views_are_those_of_the_journal(show: Show, games: list[Any]) -> None:
     """All frames are kept until the last is there: none is written over by the next."""
     watching = spectator()
-    frames = [frame(watching.hear_truth(payload)) for payload in show.truths]
+    frames = [frame(watching.read_truth(payload)) for payload in show.truths]
 
     assert [one.tick for one in frames] == list(range(len(games) - 1))
     for one, (truth, blue, red, living, score) in zip(frames, games, strict=False):
@@ -137,33 +137,33 @@ def test_the_truth_and_both_views_are_those_of_the_journal(show: Show, games: li
 def test_a_spectator_that_comes_later_sees_from_there_on(show: Show) -> None:
     watching = spectator()
 
-    assert [frame(watching.hear_truth(payload)).tick for payload in show.truths[3:]] == list(range(3, len(show.truths)))
+    assert [frame(watching.read_truth(payload)).tick for payload in show.truths[3:]] == list(range(3, len(show.truths)))
 
 
 def test_without_the_key_a_truth_is_nothing(show: Show) -> None:
-    assert spectator(key=None).hear_truth(show.truths[0]) is None
-    assert spectator(key=None).hear_truth(b"junk") is None
+    assert spectator(key=None).read_truth(show.truths[0]) is None
+    assert spectator(key=None).read_truth(b"junk") is None
 
 
 @pytest.mark.parametrize("other", [{"key": b"K" * 32}, {"pit": "other"}, {"match": "0123456789abcdef"}])
 def test_a_truth_of_another_key_pit_or_match_does_not_open(show: Show, other: dict[str, Any]) -> None:
     with pytest.raises(ForgedError):
-        spectator(**other).hear_truth(show.truths[0])
+        spectator(**other).read_truth(show.truths[0])
 
 
 def test_a_key_that_opens_nothing_is_said_to_be_another_pit_s(show: Show) -> None:
     stranger = Spectator("pit", MATCH, RULES, PIT.public, b"o" * 32)
     for truth in show.truths[:MOST_CLOSED]:
         with pytest.raises(ForgedError):
-            stranger.hear_truth(truth)
+            stranger.read_truth(truth)
 
     with pytest.raises(InputError, match="does not open with this spectator key"):
-        stranger.hear_truth(show.truths[MOST_CLOSED])
+        stranger.read_truth(show.truths[MOST_CLOSED])
 
 
 def test_a_truth_that_was_changed_cut_or_heard_before_does_not_open(show: Show) -> None:
     watching, truths = spectator(), show.truths
-    watching.hear_truth(truths[1])
+    watching.read_truth(truths[1])
     for payload in (
         b"",
         truths[2][:SALT_BYTES],
@@ -173,18 +173,18 @@ def test_a_truth_that_was_changed_cut_or_heard_before_does_not_open(show: Show) 
         truths[0],
     ):
         with pytest.raises(ForgedError):
-            watching.hear_truth(payload)
+            watching.read_truth(payload)
 
 
 def test_a_pit_that_came_back_is_seen_again(show: Show) -> None:
     """Its new process counts from 0, under a salt of its own."""
     watching = spectator()
     for payload in show.truths[:4]:
-        watching.hear_truth(payload)
+        watching.read_truth(payload)
 
-    assert frame(watching.hear_truth(Show().truths[0])).tick == 0
+    assert frame(watching.read_truth(Show().truths[0])).tick == 0
     with pytest.raises(ForgedError):
-        watching.hear_truth(show.truths[0])
+        watching.read_truth(show.truths[0])
 
 
 def sealed(message: Message, tick: int = 0) -> bytes:
@@ -210,10 +210,10 @@ def test_a_truth_of_other_sizes_is_refused(change: Callable[[Truth], Message]) -
     match = Match(Header(identity=IDENTITY, blue="ann", red="bob", ruleset=RULES, keys=KEYS), TimeControl(), 0.0)
     board, seen = match.truth()
     truth = Truth(tick=0, board=board, seen=seen)
-    assert frame(spectator().hear_truth(sealed(truth))).tick == 0
+    assert frame(spectator().read_truth(sealed(truth))).tick == 0
 
     with pytest.raises(UnreadableError):
-        spectator().hear_truth(sealed(change(truth)))
+        spectator().read_truth(sealed(change(truth)))
 
 
 @pytest.mark.parametrize(
@@ -224,7 +224,7 @@ def test_facts_of_another_number_of_teams_are_refused(show: Show, changes: dict[
     assert isinstance(facts, PublicState)
 
     with pytest.raises(UnreadableError, match="the facts are not of two teams"):
-        spectator().hear_public(encode(replace(facts, **changes)))
+        spectator().read_public(encode(replace(facts, **changes)))
 
 
 def test_an_ending_that_another_signed_or_of_another_match_is_refused(show: Show) -> None:
@@ -239,15 +239,15 @@ def test_an_ending_that_another_signed_or_of_another_match_is_refused(show: Show
         sign_statement(PIT, replace(ended, match="0123456789abcdef")),
     ):
         with pytest.raises(ForgedError):
-            spectator().hear_public(encode(forged))
+            spectator().read_public(encode(forged))
     with pytest.raises(ForgedError):
-        spectator(pit_key=STRANGER.public).hear_public(show.public[-1])
+        spectator(pit_key=STRANGER.public).read_public(show.public[-1])
 
 
 @pytest.mark.parametrize("payload", [b"", b"junk", b"\xc1", bytes(70_000)])
 def test_noise_is_refused(payload: bytes) -> None:
     with pytest.raises(ProtocolError):
-        spectator().hear_public(payload)
+        spectator().read_public(payload)
 
 
 def test_what_is_nothing_for_spectators_is_passed_over() -> None:
@@ -255,7 +255,7 @@ def test_what_is_nothing_for_spectators_is_passed_over() -> None:
     unsigned = Ended(match=MATCH, ending="capture", winner="red", score=-100, ticks=3, reason="")
 
     for message in (commitment, unsigned, Orders(tick=0, actions=b"")):
-        assert spectator().hear_public(encode(message)) is None
+        assert spectator().read_public(encode(message)) is None
 
 
 # Among several matches

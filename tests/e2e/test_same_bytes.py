@@ -22,7 +22,7 @@ from arena.protocol.identity import Identity
 from arena.records.journal import journal_name, load_journal, read_journal
 from arena.records.plan import MatchPlan
 from clients.runner import Runner
-from clients.settings import Settings
+from clients.settings import ClientSettings
 from policies import registry
 from tournaments.venues import ray_cluster as cluster
 
@@ -59,7 +59,7 @@ def play_on_the_network(wanted: list[MatchPlan], port: int, folder: Path, n_slot
         names = sorted({name for plan in wanted for name in (plan.blue, plan.red)})
         runners = [
             Runner(
-                Settings(
+                ClientSettings(
                     endpoint=f"tcp/127.0.0.1:{port}",
                     pit="pit",
                     name=name,

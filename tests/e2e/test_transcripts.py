@@ -82,7 +82,7 @@ def test_a_seat_s_transcript_shows_its_match_and_is_checked_against_the_journal(
     titles = re.findall(r"^tick (\d+) of 100   score", shown.stdout, flags=re.MULTILINE)
     assert titles == [str(tick) for tick in range(len(journal.ticks))]
     assert journal.ending is not None
-    word = "draw" if journal.ending.winner is None else "won" if journal.ending.winner is Team.RED else "lost"
+    word = "draw" if journal.ending.winner is None else "win" if journal.ending.winner is Team.RED else "loss"
     assert f"{word} as red by" in shown.stdout.splitlines()[-1]
 
     holds = arena("replay", "verify", written[one], "--transcript", kept[Team.BLUE][one])

@@ -71,7 +71,7 @@ def test_everyone_hears_the_facts_and_who_has_the_key_sees_both_views_and_the_tr
     assert match_id(journal.header.identity) == match
     assert journal.ending is not None
     assert journal.ending.ticks == N_TICKS
-    winner = "a draw" if journal.ending.winner is None else f"{journal.ending.winner.name.lower()} wins"
+    winner = "draw" if journal.ending.winner is None else f"{journal.ending.winner.name.lower()} wins"
     for watcher in (without, sees):
         lines = watcher.said.splitlines()
         assert lines[-1] == f"{winner} by tick limit after {N_TICKS} ticks, score {journal.ending.score:+d} for blue"

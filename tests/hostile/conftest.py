@@ -24,7 +24,7 @@ from arena.protocol.messages import Challenge, Ended, Hello, JoinRequest, Signed
 from arena.protocol.sealing import Opener, Sealer
 from arena.protocol.signed import read_statement
 from clients.runner import Runner
-from clients.settings import Settings
+from clients.settings import ClientSettings
 from policies import registry
 
 __all__ = ["join", "port", "serve", "start"]
@@ -171,7 +171,7 @@ def play_here(port: int) -> Iterator[Callable[..., Future[int]]]:
 
         def begin(policy: str | Path, **options: Any) -> Future[int]:
             usual = {"name": Path(policy).stem, "team": "any", "make": registry.load(str(policy)), "n_matches": 1}
-            settings = Settings(endpoint=f"tcp/127.0.0.1:{port}", pit="pit", **{**usual, **options})
+            settings = ClientSettings(endpoint=f"tcp/127.0.0.1:{port}", pit="pit", **{**usual, **options})
             runner = Runner(settings, on_seat=lambda _: None, on_end=lambda _: None, on_wait=lambda _: None)
             running.callback(runner.stop)
             return ThreadPoolExecutor().submit(runner.run)

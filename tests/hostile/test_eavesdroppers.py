@@ -46,7 +46,7 @@ from arena.protocol.messages import (
     Turn,
     Wait,
 )
-from arena.protocol.observation_codec import timeless
+from arena.protocol.observation_codec import without_clock
 from arena.protocol.sealing import Direction, Opener, derive_key, seat_context, truth_opener
 from arena.protocol.signed import commit, read_statement, sign_receipt
 from arena.records.journal import Journal, load_journal, match_id, read_journal
@@ -55,7 +55,7 @@ from arena.records.replay import replay
 from arena.records.transcript import Head
 from arena.records.verification import watch
 from clients.runner import Runner
-from clients.settings import Settings
+from clients.settings import ClientSettings
 from policies import registry
 
 PATIENCE_S = 60.0
@@ -157,7 +157,7 @@ def gather(ear: Ear, folder: Path) -> list[Overheard]:
 
 def client(endpoint: str, policy: str, team: str, n_matches: int | None) -> Runner:
     """Return what plays as `arena join` does, and checks the journals."""
-    settings = Settings(
+    settings = ClientSettings(
         endpoint=endpoint,
         pit="pit",
         name=policy,
@@ -350,7 +350,7 @@ def test_the_truth_opens_with_the_spectator_key_and_no_other(evening: Evening) -
                 truth = decode(opener.open(data[SALT_BYTES:]))
                 assert isinstance(truth, Truth)
                 assert (truth.tick, truth.board) == (tick, match.boards[tick])
-                assert [timeless(seen) for seen in truth.seen] == [side[tick] for side in match.shown]
+                assert [without_clock(seen) for seen in truth.seen] == [side[tick] for side in match.shown]
                 assert pieces([truth.board]) & pieces(match.boards), "a piece would have been found"
 
 
@@ -415,7 +415,7 @@ def test_a_player_with_two_connections_opens_its_own_seat_and_nothing_else(
     (match,) = gather(ear, tmp_path)
     assert len(answers) == 4
     assert all(isinstance(answer, Refusal) for answer in answers), answers
-    assert [timeless(data) for data in shown] == match.shown[Team.RED][:-1]
+    assert [without_clock(data) for data in shown] == match.shown[Team.RED][:-1]
     assert not pieces([data for side in (*match.shown, match.boards) for data in side]) & pieces(ear.heard)
     ((attempt, ticket),) = seats
     theirs, truths = match.on(SEATS[Team.BLUE]), [data[SALT_BYTES:] for data in match.on("truth")]

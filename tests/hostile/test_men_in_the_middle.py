@@ -25,9 +25,9 @@ from arena.protocol.identity import Identity
 from arena.protocol.messages import Answer, Challenge, Ended, Lobby, Orders, Ready, Refusal, Signed, Ticket, Turn, Wait
 from arena.records.journal import load_journal
 from arena.records.replay import verify
-from clients.cli import trust
+from clients.commands.connecting import trust
 from clients.runner import Runner
-from clients.settings import Settings
+from clients.settings import ClientSettings
 from policies import registry
 
 Start = Callable[..., Any]
@@ -217,7 +217,7 @@ def test_an_answer_opens_for_its_own_request_alone(serve: Start, stranger: Start
 def runner(where: Address, **options: Any) -> tuple[Runner, list[object]]:
     """Return a client that is told an address as `arena join` is, and what it has to say as it plays."""
     said: list[object] = []
-    settings = Settings(
+    settings = ClientSettings(
         endpoint=where.endpoint,
         pit=where.pit,
         make=registry.load("rush"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from arena.game.observation import NO_CLOCK_MS, Observations
+from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import FLAGS, HALVES, STEPS, Code, Team
 from policies.training.allocator import KEEP
@@ -72,22 +72,17 @@ class PretendedMatch:
 def gather(matches: Sequence[PretendedMatch]) -> Observations:
     """Return what the team sees in each match."""
     ruleset, team = matches[0].ruleset, matches[0].team
-    side, n = ruleset.side, len(matches)
-    n_own, n_enemies = len(ruleset.team(team)), len(ruleset.team(team.other))
-    seen = Observations(
-        team=team,
-        side=side,
+    side, n, n_own = ruleset.side, len(matches), len(ruleset.team(team))
+    seen = Observations.blank(
+        ruleset,
+        team,
+        n,
         tick=np.array([match.tick for match in matches], np.int32),
         ground=np.full((n, side * side + PADDING), 99, np.int8),
         cell=np.array([match.cell[team] for match in matches], np.int16).reshape(n, n_own),
         alive=np.array([match.alive[team] for match in matches], np.uint8).reshape(n, n_own),
-        enemy_cell=np.full((n, n_enemies), -1, np.int16),
-        enemy_flies=np.zeros((n, n_enemies), np.uint8),
-        enemy_type=np.full((n, n_enemies), -1, np.int8),
         living=np.array([[match.alive[t].sum() for t in (team, team.other)] for match in matches], np.int16),
-        score=np.zeros(n, np.int16),
         seed=np.array([match.seed for match in matches], np.uint64),
-        clock_ms=np.full(n, NO_CLOCK_MS, np.uint32),
     )
     for seat, match in enumerate(matches):
         sight = match.sight()

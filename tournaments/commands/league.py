@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tournaments.league.league import League
-    from tournaments.outcome import Outcome
     from tournaments.reports.report import Report
     from tournaments.running.scheduler import Scheduler
 
@@ -131,16 +130,13 @@ def _play_league(scheduler: "Scheduler", venue: str, title: str, *, is_for_machi
                 if advance is not None:
                     advance(1)
                 else:
-                    lines.advance("match", identity=outcome.identity, ending=outcome.ending.name.lower(), winner=_winner(outcome))
+                    ending = outcome.result.ending.name.lower()
+                    lines.advance("match", identity=outcome.identity, ending=ending, winner=outcome.winner)
     except KeyboardInterrupt:
         n_done = scheduler.n_done
         text = f"\nstopped: {n_done:,} of {n_matches:,} matches are stored; run it again to go on"
         tell(text, "stopped", played=n_done, of=n_matches)
         raise
-
-
-def _winner(outcome: "Outcome") -> str | None:
-    return None if outcome.winner is None else outcome.blue if outcome.winner.name == "BLUE" else outcome.red
 
 
 @tournament.command("report")

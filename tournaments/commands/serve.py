@@ -122,12 +122,7 @@ def serve(
 
 def _describe(played: Any) -> str:
     """Return a line on how a match ended, with what was counted."""
-    header, result = played.header, played.result
-    winner = "draw" if result.winner is None else f"{result.winner.name.lower()} wins"
-    why = f" ({result.reason})" if result.reason else ""
-    how = result.ending.name.lower().replace("_", " ")
+    header = played.header
     counted = [f"{team.name.lower()} {n} {what}" for team, seat in played.seats.items() for what, n in seat.faults().items() if n]
-    return (
-        f"{header.identity}: blue {header.blue}, red {header.red}: {winner} by {how}{why} "
-        f"after {result.ticks} ticks, score {result.score:+d} for blue{'; counted: ' + ', '.join(counted) if counted else ''}"
-    )
+    faults = f"; counted: {', '.join(counted)}" if counted else ""
+    return f"{header.identity}: blue {header.blue}, red {header.red}: {played.result.describe()}{faults}"

@@ -45,9 +45,9 @@ def web(
     from arena.network.address import parse_address
     from arena.protocol.identity import to_text
     from arena.protocol.topics import check_chunk
-    from clients.cli import trust
-    from clients.human.turn_mailbox import Desk
-    from clients.settings import Settings
+    from clients.commands.connecting import trust
+    from clients.human.turn_mailbox import TurnMailbox
+    from clients.settings import ClientSettings
     from clients.web.guard import LOOPBACK
     from clients.web.pit import PitClient
     from clients.web.play import Players
@@ -70,13 +70,13 @@ def web(
     folder = data_folder(data)
     client = PitClient(address, authority, lambda pit_key: trust(address, pit_key))
 
-    def make_settings(name: str, team: str, invite: str) -> Settings:
-        return Settings(
+    def make_settings(name: str, team: str, invite: str) -> ClientSettings:
+        return ClientSettings(
             endpoint=address.endpoint,
             pit=address.pit,
             name=check_chunk("the name", name),
             team=team,
-            make=Desk().make,
+            make=TurnMailbox().make,
             n_matches=1,
             identity=load_or_make(entry_key_path(name)),
             invite=invite,

@@ -63,7 +63,6 @@ class LadderStore(Store):
 
     def count_match(self, ladder: str, match: LadderMatch, after: dict[Team, Player]) -> bool:
         """Keep a match, and its two players as they are after it; False if it was counted before, which changes nothing."""
-        result = match.result
         row = {
             "ladder": ladder,
             "identity": match.identity,
@@ -71,11 +70,7 @@ class LadderStore(Store):
             "red": match.names[Team.RED],
             "blue_key": to_text(match.entries[Team.BLUE]),
             "red_key": to_text(match.entries[Team.RED]),
-            "ending": result.ending.name.lower(),
-            "winner": None if result.winner is None else result.winner.name.lower(),
-            "score": result.score,
-            "ticks": result.ticks,
-            "reason": result.reason,
+            **match.result.to_dict(),
             "rules": match.rules_hash,
             "counted_at": time.time(),
         }

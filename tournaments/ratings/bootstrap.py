@@ -19,6 +19,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from arena.game.types import Team
+from tournaments.outcome import Outcome
 from tournaments.ratings.davidson import Floats, chances, deviations, fit
 
 Game = tuple[int, int, int]
@@ -32,6 +34,11 @@ UNSEEN = 0.5
 """Shape of the weight of what was not seen: Jeffreys' prior."""
 _SAME = 1e-6
 """Strengths this close are the same."""
+
+
+def game_of(outcome: Outcome, index: Mapping[str, int]) -> Game:
+    """Return a match as a game; `index` has each entry's number."""
+    return index[outcome.blue], index[outcome.red], round(2 - 2 * outcome.result.points(Team.BLUE))
 
 
 def count(n_entries: int, kinds: Mapping[Unit, int]) -> Floats:

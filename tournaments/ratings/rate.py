@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import rankdata
 
-from arena.game.types import Team
-from tournaments.fixture import pair_of
+from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
-from tournaments.ratings.bootstrap import Game, Unit, bootstrap, count
+from tournaments.ratings.bootstrap import Game, Unit, bootstrap, count, game_of
 from tournaments.ratings.davidson import ELO, Floats, fit
 
 N_DRAWS = 2_000
@@ -77,13 +76,12 @@ def _strata(names: Sequence[str], outcomes: Iterable[Outcome], *, are_maps_fresh
     index = {name: number for number, name in enumerate(names)}
     games: list[tuple[str, Game]] = []
     for outcome in outcomes:
-        result = 1 if outcome.winner is None else 0 if outcome.winner is Team.BLUE else 2
-        games.append((outcome.identity, (index[outcome.blue], index[outcome.red], result)))
+        games.append((outcome.identity, game_of(outcome, index)))
     if are_maps_fresh:
         return [Counter((game,) for _, game in games if (game[0] < game[1]) is is_first_blue) for is_first_blue in (True, False)]
     pairs: defaultdict[str, list[Game]] = defaultdict(list)
     for identity, game in games:
-        pairs[pair_of(identity)].append(game)
+        pairs[LeagueMatchId.parse(identity).pair_id].append(game)
     return [Counter(tuple(sorted(pair)) for pair in pairs.values())]
 
 

@@ -24,9 +24,9 @@ from math import log
 import numpy as np
 from scipy.stats import binom, norm
 
-from arena.game.types import Team
-from tournaments.fixture import pair_of
+from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
+from tournaments.ratings.bootstrap import game_of
 from tournaments.ratings.davidson import ELO, Floats, chances, posterior
 from tournaments.ratings.rate import Ratings
 
@@ -99,7 +99,7 @@ def find_residuals(ratings: Ratings, outcomes: Iterable[Outcome]) -> tuple[Resid
     outcomes = list(outcomes)
     counts = np.zeros((len(names), len(names), 3))
     for outcome in outcomes:
-        counts[index[outcome.blue], index[outcome.red], _result(outcome)] += 1
+        counts[game_of(outcome, index)] += 1
     shares = chances(best)
     inverse = np.linalg.inv(posterior(best[None], counts[None], np.zeros((1, len(best))))[2][0])
     dispersion = _dispersion(_pairs(outcomes), index, shares)
@@ -129,10 +129,6 @@ def find_residuals(ratings: Ratings, outcomes: Iterable[Outcome]) -> tuple[Resid
     return tuple(sorted(residuals, key=lambda residual: (-abs(residual.z), residual.one, residual.other)))
 
 
-def _result(outcome: Outcome) -> int:
-    return 1 if outcome.winner is None else 0 if outcome.winner is Team.BLUE else 2
-
-
 def _expected(i: int, j: int, counts: Floats, shares: Floats) -> tuple[float, float, Floats]:
     """Return the points of `i` that the model expects against `j`, their variance, and the points' slope in the parameters."""
     slope = np.zeros(len(shares) + 2)
@@ -156,8 +152,7 @@ def _pairs(outcomes: Iterable[Outcome]) -> dict[tuple[str, str], list[float]]:
     pairs: defaultdict[tuple[str, str, str], list[float]] = defaultdict(list)
     for outcome in outcomes:
         one, other = sorted((outcome.blue, outcome.red))
-        points = float(_POINTS[_result(outcome)])
-        pairs[one, other, pair_of(outcome.identity)].append(points if outcome.blue == one else 1 - points)
+        pairs[one, other, LeagueMatchId.parse(outcome.identity).pair_id].append(outcome.points(one))
     fixtures: defaultdict[tuple[str, str], list[float]] = defaultdict(list)
     for (one, other, _), scores in pairs.items():
         if len(scores) == 2:

@@ -29,8 +29,7 @@ from math import exp, expm1, log
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from arena.game.types import Team
-from tournaments.fixture import pair_of
+from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
 
 PAIR_SCORES = (0.0, 0.5, 1.0, 1.5, 2.0)
@@ -137,12 +136,10 @@ def pair_scores(outcomes: Iterable[Outcome], entry: str) -> list[float]:
     outcomes
         Of one fixture; they come in any order.
     """
-    pairs: defaultdict[str, list[float]] = defaultdict(list)
+    pairs: defaultdict[int, list[float]] = defaultdict(list)
     for outcome in outcomes:
-        own = Team.BLUE if outcome.blue == entry else Team.RED
-        pairs[pair_of(outcome.identity)].append(0.5 if outcome.winner is None else float(outcome.winner is own))
-    planned = sorted(pairs, key=lambda pair: (len(pair), pair))  # a pair's number has four digits, or more
-    return [sum(pairs[pair]) for pair in planned if len(pairs[pair]) == 2]
+        pairs[LeagueMatchId.parse(outcome.identity).pair].append(outcome.points(entry))
+    return [sum(points) for _, points in sorted(pairs.items()) if len(points) == 2]
 
 
 def log_likelihood_ratio(counts: ArrayLike, *, elo0: float, elo1: float) -> Floats:

@@ -11,7 +11,7 @@ from statistics import median
 import numpy as np
 
 from arena.game.types import Team, Termination
-from tournaments.fixture import pair_of
+from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
 from tournaments.ratings.rate import N_DRAWS, Rating, rate
 from tournaments.ratings.residuals import Cycle, Residual, find_cycles, find_residuals
@@ -145,12 +145,12 @@ def stand(
     cross: defaultdict[tuple[str, str], Record] = defaultdict(Record)
     for outcome in outcomes:
         for team, own, other in ((Team.BLUE, outcome.blue, outcome.red), (Team.RED, outcome.red, outcome.blue)):
-            points = 0.5 if outcome.winner is None else float(outcome.winner is team)
+            points = outcome.result.points(team)
             entry, seat = seen[own], outcome.seats[team]
             entry.record.add(points)
             cross[own, other].add(points)
             entry.faults.update(seat.faults)
-            entry.forfeits += outcome.ending is Termination.FORFEIT and outcome.winner is team.other
+            entry.forfeits += outcome.result.ending is Termination.FORFEIT and points == 0
             if seat.latency_p50_s is not None:
                 entry.p50s_s.append(seat.latency_p50_s)
             if seat.latency_p99_s is not None:
@@ -167,9 +167,9 @@ def stand(
         )
         for name, entry in seen.items()
     ]
-    counts = Counter(outcome.ending for outcome in outcomes)
+    counts = Counter(outcome.result.ending for outcome in outcomes)
     bias, low, high = _side_bias(outcomes)
-    sides = Counter(outcome.winner for outcome in outcomes)
+    sides = Counter(outcome.result.winner for outcome in outcomes)
     return Standings(
         rows=tuple(sorted(rows, key=lambda row: (row.rating.rank, row.name))),
         cross=dict(cross),
@@ -183,15 +183,15 @@ def stand(
         draw_rate=ratings.draw_rate,
         endings={ending.name.lower(): counts[ending] for ending in Termination if counts[ending]},
         n_matches=len(outcomes),
-        n_ticks=sum(outcome.ticks for outcome in outcomes),
+        n_ticks=sum(outcome.result.ticks for outcome in outcomes),
     )  # fmt: skip
 
 
 def _side_bias(outcomes: Iterable[Outcome]) -> tuple[float, float, float]:
     """Return blue's points less red's per match, with a 95% interval over whole pairs; the widest there is without two pairs."""
-    pairs: defaultdict[str, list[int]] = defaultdict(list)
+    pairs: defaultdict[str, list[float]] = defaultdict(list)
     for outcome in outcomes:
-        pairs[pair_of(outcome.identity)].append({None: 0, Team.BLUE: 1, Team.RED: -1}[outcome.winner])
+        pairs[LeagueMatchId.parse(outcome.identity).pair_id].append(2 * outcome.result.points(Team.BLUE) - 1)
     leads = np.array([np.mean(games) for _, games in sorted(pairs.items()) if len(games) == 2])
     if len(leads) < 2:
         return (float(leads.mean()) if len(leads) else 0.0), -1.0, 1.0

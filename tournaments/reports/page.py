@@ -13,8 +13,8 @@ from urllib.parse import quote
 
 from jinja2 import Environment, StrictUndefined, Template
 
-from arena.game.types import Team
 from arena.records.journal import journal_name
+from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
 from tournaments.ratings.standings import Standing
 from tournaments.reports.charts import chance_map, heat_map, rating_plot, say_record, side_plot
@@ -112,7 +112,7 @@ def _list(report: Report, pair: tuple[str, str], outcomes: Sequence[Outcome], fo
         "pair": pair,
         "says": " v ".join(pair) + ": " + say_record(report.standings.cross[pair]),
         "matches": [
-            {"outcome": outcome, "says": _say(outcome), "url": folder + _url(journal_name(outcome.identity))}
+            {"outcome": outcome, "says": _describe(outcome), "url": folder + _url(journal_name(outcome.identity))}
             for outcome in outcomes
         ],
     }
@@ -124,7 +124,11 @@ def _letters(league: StoredLeague, pair: tuple[str, str], outcomes: Sequence[Out
     A pair of matches has two letters, the first for the match that the first entry played as blue; `-` was not played.
     """
     one, other = pair
-    names = [f"{league.name}/{one}/{other}/{number:04}/{blue}-blue/0" for number in range(league.n_pairs) for blue in pair]
+    names = [
+        str(LeagueMatchId(league=league.name, one=one, other=other, pair=number, blue=blue))
+        for number in range(league.n_pairs)
+        for blue in pair
+    ]
     found = {outcome.identity: _letter(outcome, one) for outcome in outcomes}
     if not found.keys() <= set(names) or any(journal_name(name) != name.replace("/", "+") + ".journal" for name in found):
         return None
@@ -132,15 +136,11 @@ def _letters(league: StoredLeague, pair: tuple[str, str], outcomes: Sequence[Out
 
 
 def _letter(outcome: Outcome, entry: str) -> str:
-    own = Team.BLUE if outcome.blue == entry else Team.RED
-    return "d" if outcome.winner is None else "w" if outcome.winner is own else "l"
+    return "d" if outcome.winner is None else "w" if outcome.winner == entry else "l"
 
 
-def _say(outcome: Outcome) -> str:
-    how = outcome.ending.name.lower().replace("_", " ")
-    why = f" ({outcome.reason})" if outcome.reason else ""
-    winner = outcome.blue if outcome.winner is Team.BLUE else outcome.red
-    return f"{'draw' if outcome.winner is None else f'{winner} wins'} by {how}{why}, {outcome.ticks} ticks"
+def _describe(outcome: Outcome) -> str:
+    return f"{outcome.result.headline(outcome.blue, outcome.red)}, {outcome.result.ticks} ticks"
 
 
 def _url(path: str) -> str:

@@ -8,10 +8,10 @@ from typing import Any
 
 from arena.errors import ArenaError, InputError, JournalError
 from arena.records.journal import journal_name
-from tournaments.fixture import pair_of
+from arena.records.plan import LeagueMatchId
 from tournaments.reports.report import make_report, to_facts
 from tournaments.running.scheduler import Folders
-from tournaments.store.store import Store, StoredLeague
+from tournaments.store.store import Store
 
 _N_DRAWS = 200
 """Of the intervals while a league runs, when they are drawn anew after every match; then as many as in its report."""
@@ -51,9 +51,7 @@ class Leagues:
                 "identity": one.identity,
                 "blue": one.blue,
                 "red": one.red,
-                "winner": None if one.winner is None else one.winner.name.lower(),
-                "ending": one.ending.name.lower(),
-                "ticks": one.ticks,
+                **one.result.to_dict(),
             }
             for one in outcomes
         ]
@@ -70,8 +68,10 @@ class Leagues:
             played = store.identities(league)
         if identity not in played:
             raise ArenaError(f"league {name} has no match {identity} that is over")
-        is_decided = _is_pair_over(identity, played) and self.report(name)["matches"]["complete"]
-        if not is_decided and not _is_fixture_over(league, identity, played):
+        match, others = LeagueMatchId.parse(identity), [LeagueMatchId.parse(one) for one in played]
+        is_pair_over = sum(one.pair_id == match.pair_id for one in others) == 2
+        is_fixture_over = sum(one.fixture == match.fixture for one in others) >= 2 * league.n_pairs
+        if not is_fixture_over and not (is_pair_over and self.report(name)["matches"]["complete"]):
             raise ArenaError("the journal is not to be seen until the last match of these two is over")
         path = self._folders.journals(name) / journal_name(identity)
         try:
@@ -83,12 +83,3 @@ class Leagues:
 
     def _open(self) -> Store:
         return Store(self._db, make=False)
-
-
-def _is_pair_over(identity: str, played: set[str]) -> bool:
-    return sum(pair_of(one) == pair_of(identity) for one in played) == 2
-
-
-def _is_fixture_over(league: StoredLeague, identity: str, played: set[str]) -> bool:
-    fixture = pair_of(identity).rpartition("/")[0]
-    return sum(pair_of(one).rpartition("/")[0] == fixture for one in played) >= 2 * league.n_pairs

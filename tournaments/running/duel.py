@@ -11,8 +11,7 @@ from dataclasses import asdict, dataclass
 from itertools import takewhile
 from typing import Any
 
-from arena.records.plan import MatchPlan
-from tournaments.fixture import pair_number
+from arena.records.plan import LeagueMatchId, MatchPlan
 from tournaments.outcome import Outcome
 from tournaments.ratings.sprt import Sprt, Verdict, pair_scores
 
@@ -77,7 +76,7 @@ def _complete_row(outcomes: Iterable[Outcome]) -> Iterator[list[Outcome]]:
     """Yield the matches of each pair from the first on, up to the first pair that is not complete."""
     pairs: defaultdict[int, list[Outcome]] = defaultdict(list)
     for outcome in outcomes:
-        pairs[pair_number(outcome.identity)].append(outcome)
+        pairs[LeagueMatchId.parse(outcome.identity).pair].append(outcome)
     yield from takewhile(lambda pair: len(pair) == 2, (pairs.get(number, []) for number in range(len(pairs) + 1)))
 
 

@@ -135,7 +135,7 @@ class Scheduler:
             if not left:
                 return
             for outcome in play(list(left.values())):
-                if outcome.ending is Termination.VOID or outcome.identity not in left:
+                if outcome.result.ending is Termination.VOID or outcome.identity not in left:
                     continue
                 self._store.add(self.row, outcome)
                 self._done.add(outcome.identity)

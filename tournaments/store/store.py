@@ -22,6 +22,7 @@ from sqlalchemy.exc import DatabaseError
 
 from arena.errors import UnknownNameError
 from arena.game.types import Team, Termination
+from arena.policy import MatchResult
 from tournaments.league.edits import find_edit, hash_facts
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.store.lock import TakenError, lock_file
@@ -189,18 +190,16 @@ class Store:
 
     def add(self, league: StoredLeague, outcome: Outcome) -> bool:
         """Keep a match that ended; False if it was kept before. A void match is no result and is refused."""
-        if outcome.ending in (Termination.VOID, Termination.RUNNING):
-            raise ValueError(f"{outcome.identity} is {outcome.ending.name.lower()}, which is no result")
+        result = outcome.result
+        if result.ending in (Termination.VOID, Termination.RUNNING):
+            raise ValueError(f"{outcome.identity} is {result.ending.name.lower()}, which is no result")
         row = {
             "league_id": league.id,
             "identity": outcome.identity,
             "blue": outcome.blue,
             "red": outcome.red,
-            "ending": outcome.ending.name.lower(),
-            "winner": None if outcome.winner is None else outcome.winner.name.lower(),
-            "score": outcome.score,
-            "ticks": outcome.ticks,
-            "reason": _clean(outcome.reason),
+            **result.to_dict(),
+            "reason": _clean(result.reason),
             "seats": json.dumps({team.name.lower(): _pack(seat) for team, seat in sorted(outcome.seats.items())}),
         }
         n_tries = 0
@@ -294,10 +293,6 @@ def _outcome(row: Any) -> Outcome:
         identity=row.identity,
         blue=row.blue,
         red=row.red,
-        ending=Termination[row.ending.upper()],
-        winner=None if row.winner is None else Team[row.winner.upper()],
-        score=row.score,
-        ticks=row.ticks,
-        reason=row.reason,
+        result=MatchResult.from_dict(row._mapping),
         seats={Team[name.upper()]: SeatOutcome(**seat) for name, seat in json.loads(row.seats).items()},
     )

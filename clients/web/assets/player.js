@@ -155,10 +155,10 @@ export class Player {
   }
 
   draw() {
-    const { rules, ticks, ending } = this.told;
+    const { rules, ticks } = this.told;
     const tick = ticks[this.at];
     if (!tick) return;
-    const { marks, sentences } = eventsOf(rules, ticks, this.at, ending);
+    const { marks, sentences } = eventsOf(rules, tick);
     const cell = this.hovered ?? (this.followed === null ? null : this.units(tick)[this.followed].cell);
     const units = cell ? unitsAt(rules, tick, cell) : [];
     const discs = units.map(({ kind }) => ({ cell, sight: kind.sight, attack: kind.attack }));

@@ -15,7 +15,7 @@ from arena.game.ruleset import Ruleset, load
 from arena.game.types import Code, Team
 from arena.local.venue import MatchRecord, play_batch
 from arena.policy import BatchFactory
-from arena.protocol.observation_codec import Writer
+from arena.protocol.observation_codec import ObservationWriter
 from arena.records.journal import Journal, read_journal
 from arena.records.plan import MatchPlan
 from arena.records.replay import replay
@@ -61,7 +61,7 @@ def transcript(journal: Journal, tmp_path: Path) -> Path:
     writer = TranscriptWriter(path, header)
     for games in replay(journal):
         if not games.has_ended(0):
-            writer.add(Writer(games.observe()[Team.RED], 0).write(), bytes(6))
+            writer.add(ObservationWriter(games.observe()[Team.RED], 0).write(), bytes(6))
     assert journal.ending is not None
     writer.end(journal.ending)
     return path

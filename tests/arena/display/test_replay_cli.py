@@ -166,7 +166,7 @@ def test_show_has_no_winner_in_a_draw(
 
     done = here("replay", "show", tmp_path / "draw.journal")
 
-    assert done.stdout.splitlines()[-1] == "a draw by tick limit after 8 ticks, score 0 for blue"
+    assert done.stdout.splitlines()[-1] == "draw by tick limit after 8 ticks, score +0 for blue"
 
 
 @pytest.mark.parametrize(
@@ -232,4 +232,5 @@ def test_show_plays_on_a_terminal_of_any_width(file: Path, journal: Journal, col
     assert "38;5;" in text
     assert len(frames) >= len(journal.ticks) + 1
     assert len(last.splitlines()[1]) == (83 if is_wide else 43)
-    assert f"ticks, score {journal.ending.score if journal.ending else None} for blue" in last.splitlines()[-1]
+    assert journal.ending is not None
+    assert last.splitlines()[-1] == journal.ending.describe()

@@ -34,7 +34,7 @@ def test_every_tick_is_told_as_it_was(file: Path) -> None:
     assert told["broken"] is None
     assert told["names"] == [journal.header.blue, journal.header.red]
     assert journal.ending is not None
-    assert told["ending"] == journal.ending.in_words()
+    assert told["ending"] == journal.ending.to_dict()
     assert len(told["ticks"]) == len(journal.ticks) + 1
     for tick, games in zip(told["ticks"], replay(journal), strict=True):
         boards = [games.truth(0), *(games.grids()[team, 0] for team in Team)]

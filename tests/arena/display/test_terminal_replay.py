@@ -17,7 +17,7 @@ from arena.display.text import Memory, tell_end
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult
-from arena.protocol.observation_codec import Writer
+from arena.protocol.observation_codec import ObservationWriter
 from arena.records.replay import match_result
 from arena.records.transcript import TranscriptHeader, TranscriptWriter, load_transcript
 
@@ -45,7 +45,7 @@ def keep(path: Path, rules: Ruleset, team: Team, orders: Iterable[Sequence[int]]
     )  # fmt: skip
     own = slice(2, 3) if team is Team.RED else slice(0, 2)
     with TranscriptWriter(path, replace(header, **changes)) as transcript:
-        writer = Writer(games.observe()[team], 0)
+        writer = ObservationWriter(games.observe()[team], 0)
         for told in orders:
             actions = np.array([told], np.int8)
             transcript.add(writer.write(), actions[0, own].tobytes())
@@ -112,11 +112,11 @@ def test_a_captured_flag_is_said_with_who_was_seen_beside_it(arena: Run, race: P
     assert lost == [
         "enemies were in sight at no tick",
         "in tick 5 the own flag at (0, 0) was captured; in sight beside it before: nobody",
-        "lost as blue by capture after 5 ticks, own score -100",
+        "loss as blue by capture after 5 ticks, score -100",
     ]
     assert won[1:] == [
         "in tick 5 the enemy's flag at (0, 0) was captured",
-        "won as red by capture after 5 ticks, own score +100",
+        "win as red by capture after 5 ticks, score +100",
     ]
 
 
@@ -129,7 +129,7 @@ def test_the_fallen_are_said_with_their_place_and_who_was_in_sight(arena: Run, t
     assert done.stdout.splitlines()[-3:] == [
         "enemies were in sight at tick 1",
         "in tick 2 the last own units fell: ugv 0 at (2, 2); in sight before: ugv at (0, 4)",
-        "lost as blue by elimination after 2 ticks, own score -100",
+        "loss as blue by elimination after 2 ticks, score -100",
     ]
 
 
@@ -145,7 +145,7 @@ def test_a_unit_that_fell_in_the_middle_has_a_line_of_its_own(arena: Run, tmp_pa
         commitment=bytes(32),
     )  # fmt: skip
     with TranscriptWriter(path, header) as transcript:
-        writer = Writer(games.observe()[Team.BLUE], 0)
+        writer = ObservationWriter(games.observe()[Team.BLUE], 0)
         for told in [(STAY, STAY, STAY, SOUTH), (EAST, STAY, STAY, NORTH), (WEST, 99, NORTH, STAY)]:
             transcript.add(writer.write(), bytes(told[own]))
             games.play(np.array([told], np.int8))
@@ -158,7 +158,7 @@ def test_a_unit_that_fell_in_the_middle_has_a_line_of_its_own(arena: Run, tmp_pa
         "tick 1: ugv 1 fell at (2, 5); in sight before: ugv at (0, 5)",
         "enemies were in sight at tick 0",
         "in tick 3 the tick limit came, the score stayed at -10; 2 own and 1 enemy units lived before",
-        "lost as blue by tick limit after 3 ticks, own score -10",
+        "loss as blue by tick limit after 3 ticks, score -10",
     ]
     assert "orders: ugv 0 west, ugv 1 fallen, uav 2 north" in lines
     assert "\x1b" not in done.stdout

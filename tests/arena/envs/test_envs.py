@@ -22,7 +22,7 @@ from arena.game.keys import MatchKeys
 from arena.game.ruleset import load
 from arena.game.types import Action, Team
 from arena.local.venue import play
-from arena.protocol.observation_codec import Writer, timeless
+from arena.protocol.observation_codec import ObservationWriter, without_clock
 from arena.records.journal import Journal, read_journal
 from arena.records.plan import MatchPlan
 from arena.records.verification import watch
@@ -53,7 +53,7 @@ def orders_of(journal: Journal) -> Iterator[dict[Team, np.ndarray]]:
 def wire(env: Any) -> dict[Team, bytes]:
     """Return what each seat would be sent now, on the network."""
     games = env._episodes.games
-    return {team: timeless(Writer(seen, 0).write()) for team, seen in games.observe().items()}
+    return {team: without_clock(ObservationWriter(seen, 0).write()) for team, seen in games.observe().items()}
 
 
 @pytest.mark.parametrize("agents", ["units", "teams"])

@@ -1,6 +1,6 @@
-"""DESIGN section 1, read slowly in plain Python: no numpy, no bits, no cleverness. What the kernels must equal.
+"""`docs/rules.md`, read slowly in plain Python: no numpy, no bits, no cleverness. What the kernels must equal.
 
-It was written from the text of the design, not from the kernels. Where the text leaves a choice open (which word of
+It was written from the text of the rules, not from the kernels. Where the text leaves a choice open (which word of
 Philox decides what, where a rectangle of even height has its centre), `arena.game.draw` decides.
 """
 
@@ -61,6 +61,10 @@ class Match:
     """Blue's."""
     fought: set[int] = field(default_factory=set)
     """Units, by place in `units`, that had a fight in the last tick."""
+    fell: set[int] = field(default_factory=set)
+    """Units that it cost."""
+    captured: set[int] = field(default_factory=set)
+    """Units that took a flag in it."""
 
     def word(self, unit: Unit, purpose: int) -> int:
         return philox(self.keys[purpose, unit.team], (self.tick, unit.index, purpose, 0))[0]
@@ -133,8 +137,8 @@ def walk(match: Match, cell: Cell, order: int, step: int) -> Cell:
 
 def fight(match: Match) -> None:
     """2. Fight, at once: all on the same positions, then the fallen are removed."""
-    fallen = []
     match.fought.clear()
+    match.fell.clear()
     for i, unit in enumerate(match.units):
         if not unit.walks:
             continue
@@ -154,9 +158,9 @@ def fight(match: Match) -> None:
         else:
             survives = is_home
         if not survives:
-            fallen.append(unit)
-    for unit in fallen:
-        unit.alive = False
+            match.fell.add(i)
+    for i in match.fell:
+        match.units[i].alive = False
 
 
 def hits(rules: Ruleset, one: Unit, other: Unit) -> bool:
@@ -172,9 +176,8 @@ def survives_with(word: int, for_it: int, against_it: int) -> bool:
 
 def judge(match: Match) -> None:
     """3. Judge."""
-    captured = {
-        team: any(u.walks and u.team is team and match.ground[u.cell] == FLAG[team.other] for u in match.units) for team in Team
-    }
+    match.captured = {i for i, u in enumerate(match.units) if u.walks and match.ground[u.cell] == FLAG[u.team.other]}
+    captured = {team: any(match.units[i].team is team for i in match.captured) for team in Team}
     eliminated = {team: is_eliminated(match, team) for team in Team}
     lost = {team: sum(not unit.alive for unit in match.units if unit.team is team) for team in Team}
     match.score = max(-100, min(100, 10 * (lost[RED] - lost[BLUE])))

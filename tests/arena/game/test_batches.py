@@ -11,6 +11,7 @@ from worlds import SEEDS, bytes_of, copy_of, random_orders, rulesets, scatter
 from arena.game.engine import BatchedGame
 from arena.game.kernel import DEFAULT_SHAPE, observe, step
 from arena.game.keys import MatchKeys
+from arena.game.observation import FIELDS
 from arena.game.ruleset import Ruleset, load
 from arena.game.state import Rule
 from arena.game.types import Team
@@ -74,7 +75,7 @@ def test_neither_the_batch_nor_the_place_in_it_matters(rules: Ruleset, seed: int
         assert (shuffled.grids() == games.grids()[:, places]).all()
         mine, theirs = shuffled.observe(), games.observe()
         for team in Team:
-            for name in ("tick", "ground", "cell", "alive", "enemy_cell", "enemy_flies", "enemy_type", "living", "score", "seed"):
+            for name in FIELDS:
                 assert (getattr(mine[team], name) == getattr(theirs[team], name)[places]).all(), name
 
 

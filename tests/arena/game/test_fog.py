@@ -14,11 +14,11 @@ from hypothesis import given
 from worlds import SEEDS, bytes_of, copy_of, lay, rules_for, rulesets, scatter, to_match
 
 from arena.game.engine import BatchedGame
-from arena.game.observation import EnemyUnit, Observation, Observations
+from arena.game.observation import FIELDS, EnemyUnit, Observation, Observations
 from arena.game.ruleset import Ruleset, UnitType, load
 from arena.game.state import StateField
 from arena.game.types import FLAGS, HALVES, Code, Team, Termination
-from arena.protocol.observation_codec import pack
+from arena.protocol.observation_codec import ObservationWriter
 
 Look = Callable[[BatchedGame, Team], tuple[Observations, Observation]]
 """What one team is told of row 0, as a batch sees it and as a bot does."""
@@ -71,6 +71,7 @@ def another_truth(games: BatchedGame, team: Team, rng: np.random.Generator) -> M
 
     spare = rng.integers(0, 2**32, state.key.shape, dtype=np.uint32)
     state.key[:] = spare
+    state.event[:] = rng.integers(-1, 9, state.event.shape)
     state.stream[:] = rng.integers(0, 2**32, state.stream.shape, dtype=np.uint32)
     other._seat_keys[team.other] = rng.integers(0, 2**32, other._seat_keys[team.other].shape, dtype=np.uint32)
     state.field[0, StateField.EPISODE], state.field[0, StateField.WINNER] = rng.integers(0, 9), rng.integers(-1, 2)
@@ -111,7 +112,7 @@ def spoil_memory(games: BatchedGame, rng: np.random.Generator) -> None:
     games._boards[:] = rng.integers(-1, 9, games._boards.shape)
     games._rows[:] = rng.integers(0, 2**63, games._rows.shape)
     for seen in games._seen.values():
-        for name in ("tick", "enemy_cell", "enemy_flies", "enemy_type", "living", "score", "seed"):
+        for name in (name for name, spec in FIELDS.items() if spec.is_of_kernel):
             array = getattr(seen, name)
             array[:] = rng.integers(0, 100, array.shape)
 
@@ -203,7 +204,7 @@ def test_what_is_hidden_does_not_change_the_bytes_on_the_wire(rules: Ruleset, se
 
     other = another_truth(games, team, rng).games
 
-    packed = [pack(truth.observe()[team], 0) for truth in (games, other)]
+    packed = [ObservationWriter(truth.observe()[team], 0).write() for truth in (games, other)]
     assert packed[0] == packed[1]
 
 
@@ -259,6 +260,16 @@ def leak_an_enemy(games: BatchedGame, team: Team, batch: Observations, seat: Obs
     return tuple(sorted((*seat.enemies, EnemyUnit(row=row, column=column, type=kind.name, flies=kind.flies))))
 
 
+def leak_a_number(field: str) -> "SeatLeak":
+    """Add a secret to a number, or to the last of several."""
+
+    def leak(games: BatchedGame, team: Team, batch: Observations, seat: Observation) -> int | tuple[int, ...]:
+        value, more = getattr(seat, field), secret(games, team) % 2
+        return (*value[:-1], value[-1] + more) if isinstance(value, tuple) else value + more
+
+    return leak
+
+
 def by_index(games: BatchedGame, team: Team, batch: Observations, seat: Observation) -> tuple[EnemyUnit, ...]:
     """List the enemies in sight in the order of their indices, which no team may know."""
     side, kinds = games.ruleset.side, games.ruleset.team(team.other)
@@ -273,17 +284,17 @@ def by_index(games: BatchedGame, team: Team, batch: Observations, seat: Observat
 
 
 SeatLeak = Callable[[BatchedGame, Team, Observations, Observation], object]
-SEAT_LEAKS: dict[str, SeatLeak] = {
-    "tick": lambda games, team, batch, seat: seat.tick + secret(games, team) % 2,
+NUMBERS = FIELDS.keys() & {field.name for field in fields(Observation)} - {"ground"}
+SEAT_LEAKS: dict[str, SeatLeak] = {name: leak_a_number(name) for name in sorted(NUMBERS)} | {
     "team": lambda games, team, batch, seat: Team(secret(games, team) % 2),
     "ground": leak_ground,
     "units": lambda games, team, batch, seat: tuple(replace(u, alive=bool(secret(games, team) % 2)) for u in seat.units),
     "enemies": leak_an_enemy,
     "enemies, by index": by_index,
-    "living": lambda games, team, batch, seat: (seat.living[0], secret(games, team) % 3),
-    "score": lambda games, team, batch, seat: secret(games, team) % 201 - 100,
     "clock_s": lambda games, team, batch, seat: float(secret(games, team)),
-    "seed": lambda games, team, batch, seat: seat.seed ^ int(games.state.key[0, oracle.FIGHT, team.other, 0]),
+    "seed, of the enemy's fights": lambda games, team, batch, seat: (
+        seat.seed ^ int(games.state.key[0, oracle.FIGHT, team.other, 0])
+    ),
     "seed, of the own fights": lambda games, team, batch, seat: seat.seed ^ int(games.state.key[0, oracle.FIGHT, team, 0]),
     "seed, of the enemy": lambda games, team, batch, seat: seat.seed ^ int(games._seat_keys[team.other, 0, 0]),
 }

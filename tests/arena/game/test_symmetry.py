@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from worlds import SEEDS, facts_of, random_orders, rulesets, scatter
 
 from arena.game.engine import BatchedGame
+from arena.game.observation import FIELDS
 from arena.game.ruleset import Ruleset
 from arena.game.state import StateField
 from arena.game.types import Code, Team
@@ -61,7 +62,7 @@ def assert_same_view(one: BatchedGame, other: BatchedGame) -> None:
     for team in Team:
         here, there = mine[team], theirs[team.other]
         assert (EXCHANGED[here.ground[:, :n_cells]] == there.ground[:, :n_cells]).all()
-        for name in ("tick", "cell", "alive", "enemy_cell", "enemy_flies", "enemy_type", "living", "score", "seed"):
+        for name in FIELDS.keys() - {"ground"}:
             assert (getattr(here, name) == getattr(there, name)).all(), name
 
 

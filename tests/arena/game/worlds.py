@@ -130,6 +130,7 @@ def facts_of(games: BatchedGame, row: int) -> dict[str, Any]:
         "winner": int(fact[StateField.WINNER]),
         "score": int(fact[StateField.SCORE]),
         "living": [int(fact[StateField.BLUE_LIVING]), int(fact[StateField.RED_LIVING])],
+        "events": [np.flatnonzero(flags[row]).tolist() for flags in games.events],
     }
 
 
@@ -142,6 +143,7 @@ def facts_of_match(match: oracle.Match) -> dict[str, Any]:
         "winner": -1 if match.winner is None else int(match.winner),
         "score": match.score,
         "living": [match.living(team) for team in Team],
+        "events": [sorted(units) for units in (match.fought, match.fell, match.captured)],
     }
 
 

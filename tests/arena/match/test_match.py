@@ -15,7 +15,7 @@ from arena.game.types import Team, Termination
 from arena.match.effects import Ask, Effect, End, Publish, Write
 from arena.match.match import WIN, Match, Phase
 from arena.match.time_control import TimeControl
-from arena.protocol.observation_codec import unpack
+from arena.protocol.observation_codec import ObservationReader
 from arena.records.journal import Header, Journal, Mark, read_journal, whole_part
 from arena.records.replay import verify
 
@@ -68,7 +68,9 @@ class Table:
     def clock_s(self, team: Team) -> float | None:
         """Return the clock that a team was shown last."""
         shown = [event for event in self.events if isinstance(event, Ask) and event.team is team][-1]
-        return unpack(shown.observation, self.match.header.ruleset, team).seat(0, self.match.header.ruleset).clock_s
+        return (
+            ObservationReader(self.match.header.ruleset, team).read(shown.observation).seat(0, self.match.header.ruleset).clock_s
+        )
 
     def cells(self) -> list[int]:
         return [int(cell) for team in Team for cell in self.match._games.observe()[team].cell[0]]

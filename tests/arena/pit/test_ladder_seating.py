@@ -262,13 +262,13 @@ def test_a_journal_that_does_not_hold_is_not_counted(tmp_path: Path, caplog: pyt
 
 
 def test_no_number_is_given_twice_to_matches_with_a_journal_or_a_result(tmp_path: Path) -> None:
-    assert _next_number(tmp_path, "pit/ladder/", ()) == 0
+    assert _next_number(tmp_path, "pit", (), is_rated=True) == 0
     for identity in ("pit/ladder/000004/ann/bob", "pit/000007/ann/bob", "pit2/ladder/000030/ann/bob"):
         (tmp_path / journal_name(identity)).touch()
 
-    assert _next_number(tmp_path, "pit/ladder/", ()) == 5
-    assert _next_number(tmp_path, "pit/ladder/", {"pit/ladder/000011/ann/bob", "pit/ladder/000002/ann/bob"}) == 12
-    assert _next_number(tmp_path, "pit/", ()) == 8
+    assert _next_number(tmp_path, "pit", (), is_rated=True) == 5
+    assert _next_number(tmp_path, "pit", {"pit/ladder/000011/ann/bob", "pit/ladder/000002/ann/bob"}, is_rated=True) == 12
+    assert _next_number(tmp_path, "pit", (), is_rated=False) == 8
 
 
 def test_a_match_that_was_begun_without_the_ladder_is_not_counted(tmp_path: Path) -> None:

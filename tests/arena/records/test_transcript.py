@@ -20,7 +20,7 @@ from arena.game.observation import NO_CLOCK_MS
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult
-from arena.protocol.observation_codec import Writer, timeless, unpack
+from arena.protocol.observation_codec import ObservationReader, ObservationWriter, without_clock
 from arena.records.transcript import (
     HEAD_BYTES,
     MAGIC,
@@ -58,7 +58,7 @@ def header_of(rules: Ruleset, team: Team, **changes: Any) -> TranscriptHeader:
 
 def play(games: BatchedGame, team: Team, rng: np.random.Generator, n_ticks: int, bank_s: float | None = None) -> Ticks:
     """Play at random, and return what one team was shown and what it ordered."""
-    writer, ticks = Writer(games.observe()[team], 0), []
+    writer, ticks = ObservationWriter(games.observe()[team], 0), []
     first = games.n_units[Team.BLUE] if team is Team.RED else 0
     while len(ticks) < n_ticks and not games.has_ended(0):
         if bank_s is not None:
@@ -127,7 +127,9 @@ def test_what_is_written_is_read_back(
 
     assert (transcript.header, transcript.ticks, transcript.is_whole) == (header, ticks, True)
     assert transcript.ending == result
-    assert repr(list(transcript.observations())) == repr([unpack(data, rules, team).seat(0, rules) for data, _ in ticks])
+    assert repr(list(transcript.observations())) == repr(
+        [ObservationReader(rules, team).read(data).seat(0, rules) for data, _ in ticks]
+    )
 
 
 @given(rulesets(max_side=12), st.sampled_from(Team), SEEDS, st.floats(0, 1000))
@@ -137,8 +139,8 @@ def test_a_head_is_the_same_with_a_clock_and_without(rules: Ruleset, team: Team,
 
     for (one, _), (other, _) in zip(timed, untimed, strict=True):
         assert one != other
-        assert timeless(one) == timeless(other) == other
-        assert int(unpack(timeless(one), rules, team).clock_ms[0]) == NO_CLOCK_MS
+        assert without_clock(one) == without_clock(other) == other
+        assert int(ObservationReader(rules, team).read(without_clock(one)).clock_ms[0]) == NO_CLOCK_MS
         for head, data in zip(heads, (one, other), strict=True):
             head.add(data)
 
@@ -150,7 +152,7 @@ def test_a_head_is_a_chain_of_all_that_was_shown(small: bytes, small_ticks: Tick
     digests = [Head().digest]
     head = Head()
     for observation, _ in small_ticks:
-        chain = sha256(chain + timeless(observation)).digest()
+        chain = sha256(chain + without_clock(observation)).digest()
         head.add(observation)
         digests.append(head.digest)
 

@@ -45,7 +45,7 @@ class Field:
         self.see()
 
     def cell(self, unit: int) -> tuple[int, int]:
-        return self.commander.picture(0.0).units[unit].cell
+        return self.commander.view_model(0.0).units[unit].cell
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def field() -> Field:
 
 def test_units_stay_until_they_are_told_something(field: Field) -> None:
     assert field.commander.actions() == [STAY, STAY, STAY]
-    assert [unit.order for unit in field.commander.picture(0.0).units] == ["no order"] * 3
+    assert [unit.order for unit in field.commander.view_model(0.0).units] == ["no order"] * 3
 
 
 def test_an_order_stays_until_it_is_changed(field: Field) -> None:
@@ -95,13 +95,13 @@ def test_a_fallen_unit_is_not_waited_for_nor_chosen_nor_moved(field: Field) -> N
         field.commander.select(unit)
         field.commander.order(STAY)
     assert field.commander.is_complete
-    assert field.commander.picture(0.0).units[0].order == "fallen"
+    assert field.commander.view_model(0.0).units[0].order == "fallen"
 
 
 def test_a_unit_goes_to_the_cell_that_it_was_sent_to_round_what_it_meets_and_stays_there(field: Field) -> None:
     field.commander.select(1)
     assert field.commander.send(2, 4)
-    assert field.commander.picture(0.0).units[1].route[-1] == (2, 4)
+    assert field.commander.view_model(0.0).units[1].route[-1] == (2, 4)
     for _ in range(20):
         field.play()
         if field.cell(1) == (2, 4):
@@ -110,7 +110,7 @@ def test_a_unit_goes_to_the_cell_that_it_was_sent_to_round_what_it_meets_and_sta
     assert field.cell(1) == (2, 4)
     assert field.commander.tick <= 12
     assert field.commander.actions()[1] is STAY
-    assert field.commander.picture(0.0).units[1].order == "is there, stays"
+    assert field.commander.view_model(0.0).units[1].order == "is there, stays"
     field.play()
     assert field.cell(1) == (2, 4)
 
@@ -119,12 +119,12 @@ def test_a_route_is_planned_anew_when_an_obstacle_comes_into_sight() -> None:
     field = Field("F.......\nU.......\n......#.\n......#.\n......#.\n......#f\nA.....#u\n........\n")
     field.commander.select(0)
     field.commander.send(4, 7)
-    first = field.commander.picture(0.0).units[0].route
+    first = field.commander.view_model(0.0).units[0].route
     for _ in range(30):
         field.play()
 
     assert (len(first), field.cell(0)) == (10, (4, 7))
-    assert all(field.commander.picture(0.0).known[cell] != Code.OBSTACLE for cell in ((1, 6), (1, 7)))
+    assert all(field.commander.view_model(0.0).known[cell] != Code.OBSTACLE for cell in ((1, 6), (1, 7)))
 
 
 def test_a_route_leads_round_own_units_that_stay_and_through_them_where_there_is_no_other() -> None:
@@ -137,17 +137,17 @@ def test_a_route_leads_round_own_units_that_stay_and_through_them_where_there_is
     field.commander.select(1)
 
     field.commander.send(2, 3)
-    around = field.commander.picture(0.0).units[1].route
+    around = field.commander.view_model(0.0).units[1].route
     field.commander.select(0)
     field.commander.order(SOUTH)
-    behind = field.commander.picture(0.0).units[1].route
+    behind = field.commander.view_model(0.0).units[1].route
     field.commander.release()
     field.commander.select(1)
     field.commander.send(2, 1)
 
     assert ((2, 1) in around, len(around)) == (False, 5)
     assert ((2, 1) in behind, len(behind)) == (True, 3)
-    assert field.commander.picture(0.0).units[1].route == ((2, 1),)
+    assert field.commander.view_model(0.0).units[1].route == ((2, 1),)
 
 
 def test_no_unit_is_sent_where_no_way_is_known(field: Field) -> None:
@@ -155,7 +155,7 @@ def test_no_unit_is_sent_where_no_way_is_known(field: Field) -> None:
     assert not field.commander.send(0, 8)
     assert not field.commander.send(-1, 0)
     assert field.commander.actions()[0] is STAY
-    assert not field.commander.picture(0.0).units[0].is_fresh
+    assert not field.commander.view_model(0.0).units[0].is_fresh
 
 
 def test_a_unit_that_flies_is_sent_over_everything_as_near_as_its_step_allows(field: Field) -> None:
@@ -175,7 +175,7 @@ def test_what_a_unit_may_do_is_told_with_where_it_leads_and_what_is_in_the_way(f
     field.commander.order(EAST)
     field.play()
 
-    told = {option.action: (option.to, option.is_open, option.why) for option in field.commander.picture(0.0).options}
+    told = {option.action: (option.to, option.is_open, option.why) for option in field.commander.view_model(0.0).options}
 
     assert told == {
         STAY: ((2, 1), True, ""),
@@ -186,7 +186,7 @@ def test_what_a_unit_may_do_is_told_with_where_it_leads_and_what_is_in_the_way(f
     }
     assert not field.commander.order(EAST)
     field.commander.select(2)
-    flies = {option.action: (option.to, option.why) for option in field.commander.picture(0.0).options}
+    flies = {option.action: (option.to, option.why) for option in field.commander.view_model(0.0).options}
     assert flies[WEST] == ((6, 0), "the board ends")
     assert flies[SOUTH] == ((7, 0), "")
     assert flies[NORTH] == ((3, 0), "")
@@ -201,19 +201,19 @@ def test_the_autopilot_moves_the_units_without_orders_and_no_others(field: Field
     field.commander.release()
 
     assert field.commander.actions() == [SOUTH, SOUTH, SOUTH]
-    assert [unit.is_autopilot for unit in field.commander.picture(0.0).units] == [True] * 3
+    assert [unit.is_autopilot for unit in field.commander.view_model(0.0).units] == [True] * 3
     field.commander.advise(None)
     assert field.commander.actions() == [STAY, STAY, STAY]
 
 
 def test_ground_that_was_seen_is_remembered_and_nothing_else_is_shown() -> None:
     field = Field("F.......\nU.......\n........\n........\n........\n.......f\n.......u\n........\n")
-    before = field.commander.picture(0.0)
+    before = field.commander.view_model(0.0)
     field.commander.send(7, 7)
     for _ in range(6):
         field.play()
 
-    after = field.commander.picture(0.0)
+    after = field.commander.view_model(0.0)
 
     gone = (before.grid != Code.HIDDEN) & (after.grid == Code.HIDDEN)
     assert gone.any()
@@ -241,7 +241,7 @@ def test_a_click_chooses_the_unit_that_stands_there_and_the_next_of_several() ->
 
     assert chosen == [1, 2, 1]
     assert field.commander.point(4, 4)
-    assert field.commander.picture(0.0).units[1].target == (4, 4)
+    assert field.commander.view_model(0.0).units[1].target == (4, 4)
 
 
 def test_the_next_unit_that_lives_is_chosen_round_and_round(field: Field) -> None:
@@ -258,12 +258,12 @@ def test_the_next_unit_that_lives_is_chosen_round_and_round(field: Field) -> Non
 def test_the_time_left_runs_down_to_nothing(field: Field) -> None:
     field.see(deadline_s=30.0)
 
-    assert [field.commander.picture(now_s).time_left_s for now_s in (10.0, 29.5, 31.0)] == [20.0, 0.5, 0.0]
+    assert [field.commander.view_model(now_s).time_left_s for now_s in (10.0, 29.5, 31.0)] == [20.0, 0.5, 0.0]
     field.see()
-    assert field.commander.picture(99.0).time_left_s is None
+    assert field.commander.view_model(99.0).time_left_s is None
 
 
-@pytest.mark.parametrize("ask", [lambda one: one.picture(0.0), lambda one: one.picture(9.0)])
+@pytest.mark.parametrize("ask", [lambda one: one.view_model(0.0), lambda one: one.view_model(9.0)])
 def test_nothing_can_be_shown_before_the_first_turn(ask: Callable[[Commander], object]) -> None:
     commander = Commander(load("paper"), Team.RED)
 
@@ -271,5 +271,5 @@ def test_nothing_can_be_shown_before_the_first_turn(ask: Callable[[Commander], o
     assert not commander.select(0)
     assert not commander.order(NORTH)
     assert not commander.send(0, 0)
-    with pytest.raises(ValueError, match="nothing was seen yet"):
+    with pytest.raises(ValueError, match="there was no observation yet"):
         ask(commander)

@@ -1,4 +1,4 @@
-"""A desk between a seat and a person: the seat is never kept waiting, and the deadline rules."""
+"""A mailbox between a seat and a person: the seat is never kept waiting, and the deadline rules."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,7 +15,7 @@ from arena.match.time_control import TimeControl
 from arena.policy import MatchResult
 from arena.protocol.messages import Ended, History, Orders, Ticket, Turn
 from arena.records.journal import Header
-from clients.human.turn_mailbox import MARGIN_S, Desk
+from clients.human.turn_mailbox import MARGIN_S, TurnMailbox
 from clients.seat import Seat, Thinking
 
 RULES = load("paper").with_({"side": 10})
@@ -54,11 +54,11 @@ class Table:
 
     def __init__(self, autopilot: str = "", ticket: Ticket = TICKET) -> None:
         self.now_s = 100.0
-        self.desk = Desk(autopilot, clock=lambda: self.now_s)
+        self.mailbox = TurnMailbox(autopilot, clock=lambda: self.now_s)
         self.n_changes = self.n_wakes = 0
-        self.desk.on_change, self.desk.wake = self._change, self._wake
-        self.seat = Seat(ticket, bytes(32), self.desk.make)
-        self.desk.meet(self.seat)
+        self.mailbox.on_change, self.mailbox.wake = self._change, self._wake
+        self.seat = Seat(ticket, bytes(32), self.mailbox.make)
+        self.mailbox.on_seat(self.seat)
 
     def _change(self) -> None:
         self.n_changes += 1
@@ -81,7 +81,7 @@ def table() -> Table:
 
 def head_west(table: Table) -> None:
     """Tell a unit that may to go west."""
-    commander = table.desk.commander
+    commander = table.mailbox.commander
     assert commander is not None
     assert any(commander.select(unit) and commander.order(Action.WEST) for unit in range(N_UNITS))
 
@@ -89,25 +89,25 @@ def head_west(table: Table) -> None:
 def test_a_turn_is_answered_only_when_the_person_has_ended_it(table: Table) -> None:
     assert table.thinks(TURNS[0])
     assert table.thinks(TURNS[0])
-    assert (table.seat.known_ticks, table.seat.answers, table.desk.is_my_turn) == (0, [], True)
+    assert (table.seat.known_ticks, table.seat.answers, table.mailbox.is_my_turn) == (0, [], True)
     head_west(table)
 
-    table.desk.end_turn()
+    table.mailbox.end_turn()
     answer = table.seat.receive(TURNS[0])
 
     assert table.n_wakes == 1
-    assert not table.desk.is_my_turn
+    assert not table.mailbox.is_my_turn
     assert isinstance(answer, Orders)
     assert sorted(answer.actions) == [*[0] * (N_UNITS - 1), int(Action.WEST)]
     assert table.thinks(TURNS[1])
-    assert table.desk.is_my_turn
+    assert table.mailbox.is_my_turn
 
 
 def test_at_the_deadline_the_orders_go_out_as_they_stand(table: Table) -> None:
     assert table.thinks(TURNS[0])
-    picture = table.desk.picture()
-    assert picture is not None
-    assert picture.time_left_s == 40.0 - MARGIN_S
+    view = table.mailbox.view_model()
+    assert view is not None
+    assert view.time_left_s == 40.0 - MARGIN_S
     head_west(table)
     table.now_s += 40.0 - MARGIN_S - 0.1
     assert table.thinks(TURNS[0])
@@ -117,7 +117,7 @@ def test_at_the_deadline_the_orders_go_out_as_they_stand(table: Table) -> None:
 
     assert isinstance(answer, Orders)
     assert int(Action.WEST) in answer.actions
-    assert not table.desk.is_my_turn
+    assert not table.mailbox.is_my_turn
 
 
 def test_a_turn_that_is_told_again_after_the_pit_was_lost_keeps_what_was_said(table: Table) -> None:
@@ -126,26 +126,26 @@ def test_a_turn_that_is_told_again_after_the_pit_was_lost_keeps_what_was_said(ta
     table.now_s += 20.0
     assert table.thinks(replace(TURNS[0]))
 
-    picture = table.desk.picture()
-    assert picture is not None
-    assert picture.time_left_s == 20.0 - MARGIN_S
-    assert [unit.is_fresh for unit in picture.units].count(True) == 1
+    view = table.mailbox.view_model()
+    assert view is not None
+    assert view.time_left_s == 20.0 - MARGIN_S
+    assert [unit.is_fresh for unit in view.units].count(True) == 1
 
 
 def test_a_turn_whose_time_was_over_while_the_pit_was_away_begins_anew(table: Table) -> None:
     assert table.thinks(TURNS[0])
     head_west(table)
     n_changes = table.n_changes
-    table.desk.wait("for the pit to come back")
-    assert (table.desk.waits, table.n_changes) == ("for the pit to come back", n_changes + 1)
+    table.mailbox.on_wait("for the pit to come back")
+    assert (table.mailbox.waiting_for, table.n_changes) == ("for the pit to come back", n_changes + 1)
     table.now_s += 1_000.0
 
     assert table.thinks(replace(TURNS[0]))
 
-    picture = table.desk.picture()
-    assert picture is not None
-    assert (picture.time_left_s, table.desk.waits, table.n_changes) == (40.0 - MARGIN_S, "", n_changes + 2)
-    assert [unit.is_fresh for unit in picture.units].count(True) == 1
+    view = table.mailbox.view_model()
+    assert view is not None
+    assert (view.time_left_s, table.mailbox.waiting_for, table.n_changes) == (40.0 - MARGIN_S, "", n_changes + 2)
+    assert [unit.is_fresh for unit in view.units].count(True) == 1
     table.now_s += 40.0
     assert not table.thinks(TURNS[0])
 
@@ -161,10 +161,10 @@ def test_without_a_clock_a_turn_lasts(table: Table) -> None:
 def test_a_turn_ends_with_the_last_unit_that_got_its_order(table: Table) -> None:
     assert table.thinks(TURNS[0])
     for unit in range(N_UNITS):
-        assert table.desk.is_my_turn
-        table.desk.command(lambda commander, unit=unit: commander.select(unit) and commander.order(Action.STAY))  # type: ignore[misc]
+        assert table.mailbox.is_my_turn
+        table.mailbox.command(lambda commander, unit=unit: commander.select(unit) and commander.order(Action.STAY))  # type: ignore[misc]
 
-    assert not table.desk.is_my_turn
+    assert not table.mailbox.is_my_turn
     assert table.seat.receive(TURNS[0]) == Orders(tick=0, actions=STAY)
 
 
@@ -172,9 +172,9 @@ def test_history_is_seen_without_asking_the_person(table: Table) -> None:
     table.seat.receive(History(first_tick=0, observations=[turn.observation for turn in TURNS[:3]], orders=[STAY] * 3))
 
     assert (table.seat.known_ticks, table.seat.answers) == (3, [STAY] * 3)
-    assert [seen.tick for seen in table.desk.seen] == [0, 1, 2]
+    assert [seen.tick for seen in table.mailbox.seen] == [0, 1, 2]
     assert table.thinks(TURNS[3])
-    assert table.desk.picture() is not None
+    assert table.mailbox.view_model() is not None
 
 
 def test_a_turn_that_was_missed_is_not_answered_any_more(table: Table) -> None:
@@ -188,17 +188,17 @@ def test_a_turn_that_was_missed_is_not_answered_any_more(table: Table) -> None:
 def test_an_autopilot_is_chosen_while_the_turn_is_on() -> None:
     table = Table("rush")
     assert table.thinks(TURNS[0])
-    commander = table.desk.commander
+    commander = table.mailbox.commander
     assert commander is not None
     moves = commander.actions()
     assert any(moves)
 
-    table.desk.fly_by("")
+    table.mailbox.set_autopilot("")
     assert not any(commander.actions())
-    table.desk.fly_by("rush")
+    table.mailbox.set_autopilot("rush")
 
     assert commander.actions() == moves
-    table.desk.end_turn()
+    table.mailbox.end_turn()
     assert table.seat.receive(TURNS[0]) == Orders(tick=0, actions=bytes(moves))
 
 
@@ -208,15 +208,22 @@ def test_the_ending_is_told_at_once_and_the_next_match_begins_with_nothing(table
     n_changes = table.n_changes
     table.seat.receive(Ended(match="m", ending="forfeit", winner="red", score=-100, ticks=0, reason="blue left"))
 
-    assert table.desk.result == MatchResult(ending=Termination.FORFEIT, winner=Team.RED, score=100, ticks=0, reason="blue left")
-    assert (table.n_changes, table.desk.is_playing, table.desk.is_my_turn) == (n_changes + 1, False, False)
+    assert table.mailbox.result == MatchResult(
+        ending=Termination.FORFEIT, winner=Team.RED, score=100, ticks=0, reason="blue left"
+    )
+    assert (table.n_changes, table.mailbox.is_playing, table.mailbox.is_my_turn) == (n_changes + 1, False, False)
 
-    following = Seat(replace(TICKET, match="n", opponent="bob"), bytes(32), table.desk.make)
-    table.desk.meet(following)
+    following = Seat(replace(TICKET, match="n", opponent="bob"), bytes(32), table.mailbox.make)
+    table.mailbox.on_seat(following)
 
-    assert (table.desk.is_playing, table.desk.opponent, table.desk.seen, table.desk.picture()) == (True, "bob", [], None)
+    assert (table.mailbox.is_playing, table.mailbox.opponent, table.mailbox.seen, table.mailbox.view_model()) == (
+        True,
+        "bob",
+        [],
+        None,
+    )
     with pytest.raises(Thinking):
         following.receive(TURNS[0])
-    commander = table.desk.commander
+    commander = table.mailbox.commander
     assert commander is not None
     assert not np.any(commander.actions())

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from arena.errors import BoardError
 from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
-from arena.game.observation import NO_CLOCK_MS, Observations
+from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, UnitType, load
 from arena.game.types import FLAGS, Code, Team
 from policies import registry
@@ -92,15 +92,14 @@ def by_hand(seen: Observations, ruleset: Ruleset, garbage: int) -> Observations:
     kinds = [unit.name for unit in ruleset.units]
     cells = [unit.row * side + unit.column for unit in told.enemies]
     rest = n_enemies - len(cells)
-    return Observations(
-        team=told.team, side=side, tick=np.array([told.tick], np.int32), ground=ground,
+    return Observations.blank(
+        ruleset, told.team, 1, tick=np.array([told.tick], np.int32), ground=ground,
         cell=np.array([[unit.row * side + unit.column for unit in told.units]], np.int16).reshape(1, -1),
         alive=np.array([[unit.alive for unit in told.units]], np.uint8).reshape(1, -1),
         enemy_cell=np.array([cells + [-1] * rest], np.int16).reshape(1, -1),
         enemy_flies=np.array([[unit.flies for unit in told.enemies] + [garbage % 2] * rest], np.uint8).reshape(1, -1),
         enemy_type=np.array([[kinds.index(unit.type) for unit in told.enemies] + [0] * rest], np.int8).reshape(1, -1),
-        living=np.array([told.living], np.int16), score=np.array([told.score], np.int16),
-        seed=np.array([told.seed], np.uint64), clock_ms=np.array([NO_CLOCK_MS], np.uint32),
+        living=np.array([told.living], np.int16), score=np.array([told.score], np.int16), seed=np.array([told.seed], np.uint64),
     )  # fmt: skip
 
 

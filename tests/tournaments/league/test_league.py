@@ -10,7 +10,7 @@ from arena.errors import InputError, UnknownNameError
 from arena.game.keys import secret_from_seed
 from arena.protocol.identity import to_text
 from arena.protocol.topics import is_chunk
-from tournaments.fixture import pair_of
+from arena.records.plan import LeagueMatchId
 from tournaments.league.edits import find_edit, hash_facts
 from tournaments.league.file import LEAGUES, load_league, parse_league
 from tournaments.league.league import League
@@ -132,7 +132,7 @@ def test_a_schedule_plays_every_pair_twice_on_one_map_with_sides_swapped() -> No
 
     pairs: dict[str, list[object]] = {}
     for plan in plans:
-        pairs.setdefault(pair_of(plan.identity), []).append(plan)
+        pairs.setdefault(LeagueMatchId.parse(plan.identity).pair_id, []).append(plan)
     assert len(plans) == len({plan.identity for plan in plans}) == count_matches(4, 3)
     assert len({plan.keys.match_key for plan in plans}) == len(plans)
     assert len(pairs) == 3 * len(list(combinations(league.entries, 2)))

@@ -6,8 +6,9 @@ from math import log
 
 import numpy as np
 import pytest
+from outcomes import met
 
-from arena.game.types import Team, Termination
+from arena.game.types import Team
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.ratings.davidson import ELO, chances
 from tournaments.ratings.rate import rate
@@ -29,13 +30,7 @@ def play(elos: Sequence[float], n_pairs: int, rng: np.random.Generator, *, side_
         for other in range(one + 1, len(elos)):
             for blue, red in ((one, other), (other, one)):
                 for pair, result in enumerate(rng.choice(3, size=n_pairs, p=shares[blue, red])):
-                    outcomes.append(
-                        Outcome(
-                            identity=f"l/{one:02}/{other:02}/{pair:04}/{blue:02}-blue/0",
-                            blue=f"{blue:02}", red=f"{red:02}", ending=Termination.CAPTURE, winner=WINNERS[result],
-                            score=0, ticks=1, reason="", seats=SEATS,
-                        )
-                    )  # fmt: skip
+                    outcomes.append(met(f"{one:02}", f"{other:02}", pair, f"{blue:02}", WINNERS[result], seats=SEATS))
     return outcomes
 
 

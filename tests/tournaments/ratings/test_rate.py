@@ -6,31 +6,17 @@ from itertools import combinations
 import evalica
 import numpy as np
 import pytest
+from outcomes import changed, met
 from scipy.optimize import minimize
 
 from arena.game.types import Team, Termination
-from tournaments.outcome import Outcome, SeatOutcome
+from tournaments.outcome import Outcome
 from tournaments.ratings.bootstrap import UNSEEN, bootstrap, unseen
 from tournaments.ratings.davidson import ELO, PRIOR_DRAW, PRIOR_SIDE, PRIOR_STRENGTH, fit
 from tournaments.ratings.rate import _strata, rate
 from tournaments.ratings.standings import stand
 
 WINNERS = (Team.BLUE, None, Team.RED)
-
-
-def outcome(one: str, other: str, pair: int, blue: str, winner: Team | None) -> Outcome:
-    red = other if blue == one else one
-    return Outcome(
-        identity=f"l/{one}/{other}/{pair:04}/{blue}-blue/0",
-        blue=blue,
-        red=red,
-        ending=Termination.CAPTURE,
-        winner=winner,
-        score=0,
-        ticks=10,
-        reason="",
-        seats={team: SeatOutcome() for team in Team},
-    )
 
 
 def played(strengths: dict[str, float], n_pairs: int, *, side: float = 0.0, nu: float = 0.2, seed: int = 0) -> list[Outcome]:
@@ -44,14 +30,14 @@ def played(strengths: dict[str, float], n_pairs: int, *, side: float = 0.0, nu: 
                 for blue, red in ((one, other), (other, one)):
                     d = strengths[blue] - strengths[red] + side
                     odds = np.array([np.exp(d / 2), nu, np.exp(-d / 2)])
-                    outcomes.append(outcome(one, other, pair, blue, WINNERS[rng.choice(3, p=odds / odds.sum())]))
+                    outcomes.append(met(one, other, pair, blue, WINNERS[rng.choice(3, p=odds / odds.sum())]))
     return outcomes
 
 
 def count(names: list[str], outcomes: list[Outcome]) -> np.ndarray:
     counts = np.zeros((len(names), len(names), 3))
     for match in outcomes:
-        counts[names.index(match.blue), names.index(match.red), WINNERS.index(match.winner)] += 1
+        counts[names.index(match.blue), names.index(match.red), WINNERS.index(match.result.winner)] += 1
     return counts
 
 
@@ -77,7 +63,7 @@ def test_the_fit_is_the_optimum_that_a_plain_optimiser_finds() -> None:
 def test_a_three_to_one_score_is_the_textbooks_difference() -> None:
     """Without draws or sides, 75% of the points are 400 * log10(3) = 191 Elo."""
     outcomes = [
-        outcome("a", "b", pair, blue, Team.BLUE if (blue == "a") == (pair % 4 != 0) else Team.RED)
+        met("a", "b", pair, blue, Team.BLUE if (blue == "a") == (pair % 4 != 0) else Team.RED)
         for pair in range(2_000)
         for blue in ("a", "b")
     ]
@@ -107,10 +93,10 @@ def test_the_order_of_the_games_does_not_matter() -> None:
 def test_another_win_never_lowers_a_rating() -> None:
     outcomes = played({"a": 0, "b": 0.5, "c": 1}, 5)
     before = rate(["a", "b", "c"], outcomes, n_draws=10).entries["a"].elo
-    worse = next(i for i, match in enumerate(outcomes) if match.blue == "a" and match.winner is Team.RED)
+    worse = next(i for i, match in enumerate(outcomes) if match.blue == "a" and match.result.winner is Team.RED)
     old = outcomes[worse]
     for winner in (None, Team.BLUE):
-        outcomes[worse] = Outcome(**{name: getattr(old, name) for name in Outcome.__slots__} | {"winner": winner})
+        outcomes[worse] = changed(old, winner=winner)
         after = rate(["a", "b", "c"], outcomes, n_draws=10).entries["a"].elo
         assert after > before
         before = after
@@ -121,7 +107,7 @@ def test_who_won_everything_has_a_finite_rating_and_a_wide_interval(n_pairs: int
     outcomes = played({"a": 0, "b": 0.3}, n_pairs)
     for pair in range(n_pairs):
         for other in ("a", "b"):
-            outcomes += [outcome(other, "z", pair, blue, Team.BLUE if blue == "z" else Team.RED) for blue in (other, "z")]
+            outcomes += [met(other, "z", pair, blue, Team.BLUE if blue == "z" else Team.RED) for blue in (other, "z")]
 
     best = rate(["a", "b", "z"], outcomes, n_draws=300).entries["z"]
 
@@ -148,8 +134,8 @@ def test_a_bootstrap_draws_whole_pairs() -> None:
 
 
 def test_a_forfeit_is_counted_against_who_lost_and_a_favoured_side_is_noticed() -> None:
-    outcomes = [outcome("a", "b", pair, blue, Team.BLUE) for pair in range(10) for blue in ("a", "b")]
-    outcomes[0] = Outcome(**{name: getattr(outcomes[0], name) for name in Outcome.__slots__} | {"ending": Termination.FORFEIT})
+    outcomes = [met("a", "b", pair, blue, Team.BLUE) for pair in range(10) for blue in ("a", "b")]
+    outcomes[0] = changed(outcomes[0], ending=Termination.FORFEIT)
 
     found = stand(["a", "b"], outcomes, n_draws=50)
 
@@ -163,7 +149,7 @@ def test_strengths_are_those_of_another_library() -> None:
     """Without draws or sides, this is Bradley and Terry's model, which evalica fits by Newman's iteration."""
     strengths = dict(zip("abcdef", (-1.0, -0.4, -0.1, 0.2, 0.5, 0.8), strict=True))
     outcomes = played(strengths, 400, nu=0.0)
-    winners = [evalica.Winner.X if match.winner is Team.BLUE else evalica.Winner.Y for match in outcomes]
+    winners = [evalica.Winner.X if match.result.winner is Team.BLUE else evalica.Winner.Y for match in outcomes]
 
     theirs = evalica.bradley_terry(
         [match.blue for match in outcomes], [match.red for match in outcomes], winners, tolerance=1e-12, limit=10_000
@@ -203,7 +189,7 @@ def test_superiority_agrees_with_the_rank_of_the_draws() -> None:
 
 def test_with_fresh_maps_a_match_is_drawn_by_itself() -> None:
     """Pairs whose matches always go alike say half as much as as many single matches; the rating is the same."""
-    outcomes = [outcome("a", "b", pair, blue, Team.BLUE if (blue == "a") == (pair % 2 == 0) else Team.RED)
+    outcomes = [met("a", "b", pair, blue, Team.BLUE if (blue == "a") == (pair % 2 == 0) else Team.RED)
                 for pair in range(60) for blue in ("a", "b")]  # fmt: skip
 
     paired, fresh = (rate(["a", "b"], outcomes, are_maps_fresh=are, n_draws=1_000).entries["a"] for are in (False, True))
@@ -214,7 +200,7 @@ def test_with_fresh_maps_a_match_is_drawn_by_itself() -> None:
 
 def test_with_fresh_maps_as_many_matches_are_drawn_of_each_side() -> None:
     """If blue always wins, all that varies is how often each was blue; that was planned, and must not make anybody stronger."""
-    outcomes = [outcome("a", "b", pair, blue, Team.BLUE) for pair in range(200) for blue in ("a", "b")]
+    outcomes = [met("a", "b", pair, blue, Team.BLUE) for pair in range(200) for blue in ("a", "b")]
 
     assert [sum(units.values()) for units in _strata(["a", "b"], outcomes, are_maps_fresh=True)] == [200, 200]
     found = rate(["a", "b"], outcomes, are_maps_fresh=True, n_draws=500)
@@ -230,7 +216,7 @@ def test_a_side_that_is_not_favoured_is_not_called_so() -> None:
 
 def test_entries_that_nothing_tells_apart_have_alike_intervals() -> None:
     """Each of `b` and `c` won everything against the one that both met."""
-    outcomes = [outcome("a", other, pair, blue, Team.BLUE if blue == other else Team.RED)
+    outcomes = [met("a", other, pair, blue, Team.BLUE if blue == other else Team.RED)
                 for other in ("b", "c") for pair in range(20) for blue in ("a", other)]  # fmt: skip
 
     found = rate(["a", "b", "c"], outcomes).entries
@@ -242,7 +228,7 @@ def test_entries_that_nothing_tells_apart_have_alike_intervals() -> None:
 
 def test_what_is_never_seen_is_not_held_for_impossible() -> None:
     """Of 20 matches won, a chance to lose of 0.07 is no surprise: Jeffreys' interval for 0 of 20 ends at 0.117."""
-    outcomes = [outcome("a", "z", pair, blue, Team.BLUE if blue == "z" else Team.RED)
+    outcomes = [met("a", "z", pair, blue, Team.BLUE if blue == "z" else Team.RED)
                 for pair in range(10) for blue in ("a", "z")]  # fmt: skip
 
     found = rate(["a", "z"], outcomes).entries["z"]

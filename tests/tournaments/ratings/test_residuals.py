@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from outcomes import met
 
-from arena.game.types import Team, Termination
+from arena.game.types import Team
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.ratings.davidson import chances
 from tournaments.ratings.rate import Ratings, rate
@@ -15,14 +16,6 @@ from tournaments.ratings.residuals import _expected, _reversal_p, find_cycles, f
 
 WINNERS = (Team.BLUE, None, Team.RED)
 SEATS = {team: SeatOutcome() for team in Team}
-
-
-def outcome(one: str, other: str, pair: int, blue: str, winner: Team | None) -> Outcome:
-    return Outcome(
-        identity=f"l/{one}/{other}/{pair:04}/{blue}-blue/0",
-        blue=blue, red=other if blue == one else one, ending=Termination.CAPTURE, winner=winner,
-        score=0, ticks=10, reason="", seats=SEATS,
-    )  # fmt: skip
 
 
 def play(
@@ -37,7 +30,7 @@ def play(
             for blue, red in ((one, other), (other, one)):
                 d = lead(blue, red) + (side if blue == one else -side)
                 weights = (np.exp(d / 2), nu, np.exp(-d / 2))
-                outcomes.append(outcome(one, other, pair, blue, rng.choices(WINNERS, weights)[0]))
+                outcomes.append(met(one, other, pair, blue, rng.choices(WINNERS, weights)[0]))
     return outcomes
 
 

@@ -6,10 +6,11 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from outcomes import met
 from scipy.optimize import minimize
 
-from arena.game.types import Team, Termination
-from tournaments.outcome import Outcome, SeatOutcome
+from arena.game.types import Team
+from tournaments.outcome import Outcome
 from tournaments.ratings.sprt import (
     PAIR_SCORES,
     Sprt,
@@ -22,17 +23,7 @@ from tournaments.ratings.sprt import (
 
 
 def outcome(pair: int, blue: str, winner: Team | None) -> Outcome:
-    return Outcome(
-        identity=f"l/a/b/{pair:04}/{blue}-blue/0",
-        blue=blue,
-        red="b" if blue == "a" else "a",
-        ending=Termination.CAPTURE,
-        winner=winner,
-        score=0,
-        ticks=10,
-        reason="",
-        seats={team: SeatOutcome() for team in Team},
-    )
+    return met("a", "b", pair, blue, winner)
 
 
 def likelihood(counts: list[int], mean: float) -> float:

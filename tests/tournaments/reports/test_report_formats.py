@@ -11,6 +11,7 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
+from outcomes import changed, met
 
 from arena.game.types import Team, Termination
 from tournaments.outcome import Outcome, SeatOutcome
@@ -25,20 +26,11 @@ NAMES = ("best", "_odd_", "worst")
 
 
 def outcome(one: str, other: str, pair: int, blue: str, winner: Team | None) -> Outcome:
-    return Outcome(
-        identity=f"friday/{one}/{other}/{pair:04}/{blue}-blue/0",
-        blue=blue,
-        red=other if blue == one else one,
-        ending=Termination.CAPTURE if winner else Termination.TICK_LIMIT,
-        winner=winner,
-        score=0,
-        ticks=10,
-        reason="",
-        seats={
-            team: SeatOutcome(faults={"late": 2 * (team is Team.RED)}, latency_p50_s=0.0015, latency_p99_s=0.0205)
-            for team in Team
-        },
-    )
+    ending = Termination.CAPTURE if winner else Termination.TICK_LIMIT
+    seats = {
+        team: SeatOutcome(faults={"late": 2 * (team is Team.RED)}, latency_p50_s=0.0015, latency_p99_s=0.0205) for team in Team
+    }
+    return met(one, other, pair, blue, winner, league="friday", seats=seats, ending=ending)
 
 
 def report(winners: tuple[Team | None, Team | None] = (Team.BLUE, Team.RED), *, findings: tuple[str, ...] = ()) -> Report:
@@ -145,7 +137,7 @@ def league_of(names: str, n_pairs: int, lead: Callable[[str, str], float]) -> Re
     """Return a league in which blue wins with the chance `lead(blue, red)`."""
     rng = random.Random(1)
     outcomes = [
-        replace(outcome(one, other, pair, blue, None), winner=Team.BLUE if rng.random() < lead(*seats) else Team.RED)
+        changed(outcome(one, other, pair, blue, None), winner=Team.BLUE if rng.random() < lead(*seats) else Team.RED)
         for one, other in combinations(names, 2)
         for pair in range(n_pairs)
         for blue, seats in ((one, (one, other)), (other, (other, one)))

@@ -11,6 +11,7 @@ from urllib.parse import unquote
 
 import pytest
 from chromium import PATIENCE_MS, WIDTHS, browser
+from outcomes import ended
 
 from arena.game.types import Team, Termination
 from arena.records.journal import journal_name
@@ -47,24 +48,17 @@ def pretend(n_entries: int, n_pairs: int, *, reason: str = "", tail: str = "", n
 
 
 def _outcome(identity: str, blue: str, red: str, winner: Team | None, reason: str, rng: random.Random) -> Outcome:
-    return Outcome(
-        identity=identity,
-        blue=blue,
-        red=red,
-        ending=Termination.TICK_LIMIT if winner is None else Termination.FORFEIT if rng.random() < 0.05 else Termination.CAPTURE,
-        winner=winner,
-        score=0,
-        ticks=rng.randrange(5, 100),
-        reason=reason,
-        seats={
-            team: SeatOutcome(
-                faults={"late": rng.randrange(3), "raised": int(name.endswith("1"))},
-                latency_p50_s=None if name.endswith("2") else rng.uniform(0.002, 0.02),
-                latency_p99_s=None if name.endswith("2") else rng.uniform(0.02, 0.3),
-            )
-            for team, name in ((Team.BLUE, blue), (Team.RED, red))
-        },
-    )
+    ending = Termination.TICK_LIMIT if winner is None else Termination.FORFEIT if rng.random() < 0.05 else Termination.CAPTURE
+    ticks = rng.randrange(5, 100)
+    seats = {
+        team: SeatOutcome(
+            faults={"late": rng.randrange(3), "raised": int(name.endswith("1"))},
+            latency_p50_s=None if name.endswith("2") else rng.uniform(0.002, 0.02),
+            latency_p99_s=None if name.endswith("2") else rng.uniform(0.02, 0.3),
+        )
+        for team, name in ((Team.BLUE, blue), (Team.RED, red))
+    }
+    return ended(identity, blue, red, winner, seats, ending=ending, ticks=ticks, reason=reason)
 
 
 @pytest.fixture(scope="module")
@@ -252,8 +246,8 @@ def test_each_cell_of_the_cross_table_leads_to_its_journals(show: Show, n_pairs:
             found.update(links)
             for link, text in zip(links, texts, strict=True):
                 outcome = outcomes[unquote(link)]
-                winner = {None: "draw", Team.BLUE: f"{outcome.blue} wins", Team.RED: f"{outcome.red} wins"}[outcome.winner]
-                assert text.startswith(f"blue {outcome.blue}, red {outcome.red}: {winner}")
+                verdict = "draw" if outcome.winner is None else f"{outcome.winner} wins"
+                assert text.startswith(f"blue {outcome.blue}, red {outcome.red}: {verdict}")
 
     assert {unquote(link) for link in found} == outcomes.keys()
     assert set(found.values()) == {2}  # from both cells of its fixture, and once in each list

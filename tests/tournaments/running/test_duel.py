@@ -10,13 +10,14 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from outcomes import ended
 
-from arena.game.types import Team, Termination
+from arena.game.types import Team
 from arena.records.plan import MatchPlan
 from tournaments.league.file import parse_league
 from tournaments.league.league import League
 from tournaments.league.schedule import plan_league
-from tournaments.outcome import Outcome, SeatOutcome
+from tournaments.outcome import Outcome
 from tournaments.ratings.sprt import Sprt, Verdict
 from tournaments.reports.formats import to_json, to_markdown, to_text
 from tournaments.reports.page import to_html
@@ -41,10 +42,7 @@ def league(n_pairs: int = 200) -> League:
 def end(plan: MatchPlan, points: float) -> Outcome:
     """Return a match that brought `rush` so many points."""
     rush = Team.BLUE if plan.blue == "rush" else Team.RED
-    return Outcome(
-        identity=plan.identity, blue=plan.blue, red=plan.red, ending=Termination.CAPTURE, score=0, ticks=9, reason="",
-        winner={0.0: rush.other, 0.5: None, 1.0: rush}[points], seats={team: SeatOutcome() for team in Team},
-    )  # fmt: skip
+    return ended(plan.identity, plan.blue, plan.red, {0.0: rush.other, 0.5: None, 1.0: rush}[points])
 
 
 def venue(strength: float, *, seed: int = 0) -> Callable[[Setting, Sequence[MatchPlan]], Iterator[Outcome]]:
@@ -93,18 +91,12 @@ def test_it_stops_at_the_first_pair_that_decides_and_says_what_was_played_beyond
 
 
 def _scores(report: Report) -> list[float]:
-    points = {
-        outcome.identity: 0.5 if outcome.winner is None else float(_winner(outcome) == "rush") for outcome in report.outcomes
-    }
+    points = {outcome.identity: outcome.points("rush") for outcome in report.outcomes}
     scores: dict[str, float] = {}
     for identity, won in sorted(points.items()):
         pair = identity.split("/")[3]
         scores[pair] = scores.get(pair, 0.0) + won
     return list(scores.values())
-
-
-def _winner(outcome: Outcome) -> str:
-    return outcome.blue if outcome.winner is Team.BLUE else outcome.red
 
 
 def test_the_order_in_which_matches_end_changes_nothing(tmp_path: Path) -> None:
@@ -176,7 +168,7 @@ def test_a_verdict_needs_no_more_than_the_pairs_up_to_it(order: list[int], data:
 
 
 def _pairs(outcomes: Sequence[Outcome]) -> list[float]:
-    won = [0.5 if outcome.winner is None else float(_winner(outcome) == "rush") for outcome in outcomes]
+    won = [outcome.points("rush") for outcome in outcomes]
     return [one + other for one, other in zip(won[::2], won[1::2], strict=True)]
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
+from outcomes import changed, ended
 from sqlalchemy import text
 
 from arena.errors import ArenaError, UnknownNameError
@@ -38,17 +39,9 @@ def parse(toml: str = LEAGUE) -> League:
 def pretend(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
     """End matches without playing them: the first name in the alphabet wins."""
     for plan in plans:
-        yield Outcome(
-            identity=plan.identity,
-            blue=plan.blue,
-            red=plan.red,
-            ending=Termination.CAPTURE,
-            winner=Team.BLUE if plan.blue < plan.red else Team.RED,
-            score=100,
-            ticks=3,
-            reason="",
-            seats={team: SeatOutcome(faults={"late": 1}, latency_p50_s=0.001, latency_p99_s=0.002) for team in Team},
-        )
+        seats = {team: SeatOutcome(faults={"late": 1}, latency_p50_s=0.001, latency_p99_s=0.002) for team in Team}
+        winner = Team.BLUE if plan.blue < plan.red else Team.RED
+        yield ended(plan.identity, plan.blue, plan.red, winner, seats, score=100, ticks=3)
 
 
 def run(folder: Path, venue: Callable[..., Iterator[Outcome]], *, league: League | None = None, n: int | None = None) -> Report:
@@ -127,7 +120,7 @@ def test_a_void_match_is_played_again_and_never_stored(tmp_path: Path) -> None:
         rounds.append(len(plans))
         for number, outcome in enumerate(pretend(setting, plans)):
             is_spoiled = len(rounds) == 1 and number < 5
-            yield replace(outcome, ending=Termination.VOID, winner=None) if is_spoiled else outcome
+            yield changed(outcome, ending=Termination.VOID, winner=None) if is_spoiled else outcome
 
     report = run(tmp_path, spoil)
 
@@ -138,7 +131,7 @@ def test_a_void_match_is_played_again_and_never_stored(tmp_path: Path) -> None:
 def test_matches_that_stay_void_end_the_run_with_a_sentence(tmp_path: Path) -> None:
     def spoil(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
         for outcome in pretend(setting, plans):
-            yield replace(outcome, ending=Termination.VOID, winner=None)
+            yield changed(outcome, ending=Termination.VOID, winner=None)
 
     with pytest.raises(ArenaError, match=f"12 matches of league friday were void {MOST_ROUNDS} times"):
         run(tmp_path, spoil)
@@ -152,10 +145,10 @@ def test_a_match_counts_once(tmp_path: Path) -> None:
         outcome = next(pretend(None, [MatchPlan(identity="friday/a/b/0000/a-blue/0", blue="a", red="b", keys=None)]))  # type: ignore[arg-type]
 
         assert store.add(league, outcome)
-        assert not store.add(league, replace(outcome, winner=None))
+        assert not store.add(league, changed(outcome, winner=None))
         assert store.outcomes(league) == [outcome]
         with pytest.raises(ValueError, match="void"):
-            store.add(league, replace(outcome, ending=Termination.VOID))
+            store.add(league, changed(outcome, ending=Termination.VOID))
 
 
 def test_a_lock_keeps_a_second_scheduler_off_a_league_and_no_other(tmp_path: Path) -> None:
@@ -193,7 +186,7 @@ def test_a_full_disk_is_one_sentence_and_nothing_is_lost(tmp_path: Path) -> None
             connection.execute(text("PRAGMA max_page_count = 1"))  # no page more than there are, on this pooled connection
         [outcome] = pretend(None, [MatchPlan(identity="x", blue="a", red="b", keys=None)])  # type: ignore[arg-type]
         with pytest.raises(StoreError, match="disk is full"):
-            store.add(league, replace(outcome, reason="x" * 100_000))
+            store.add(league, changed(outcome, reason="x" * 100_000))
         assert store.count(league) == 2
 
 
@@ -298,7 +291,7 @@ def test_a_name_that_is_markup_stays_text(tmp_path: Path) -> None:
     report = run(tmp_path, pretend)
     evil = "<script>alert(1)</script>"
     names = {"rush": evil, "patrol": "patrol", "random": "random"}
-    outcomes = [replace(outcome, reason=evil, blue=names[outcome.blue], red=names[outcome.red]) for outcome in report.outcomes]
+    outcomes = [replace(changed(one, reason=evil), blue=names[one.blue], red=names[one.red]) for one in report.outcomes]
     league = replace(report.league, name=evil, facts={**report.league.facts, "entries": dict.fromkeys(names.values(), "rush")})
 
     page = to_html(make_report(league, outcomes, n_draws=10), tmp_path / "page.html", tmp_path / evil)

@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 
 import pytest
+from outcomes import changed, ended
 
 from arena.game.types import Team, Termination
 from tournaments.outcome import Outcome, SeatOutcome
@@ -18,10 +19,11 @@ import sys
 from tournaments.outcome import Outcome
 from tournaments.store.store import Store
 from arena.game.types import Termination
+from arena.policy import MatchResult
 FACTS = {"ruleset": "paper", "rules": "1", "entries": {}, "clock": {}}
 def end(number):
-    return Outcome(identity=f"friday/{number:04}", blue="a", red="b", ending=Termination.TICK_LIMIT, winner=None, score=0,
-                   ticks=9, reason="", seats={})
+    result = MatchResult(ending=Termination.TICK_LIMIT, winner=None, score=0, ticks=9)
+    return Outcome(identity=f"friday/{number:04}", blue="a", red="b", result=result, seats={})
 """
 RACE = """
 print("ready", flush=True)
@@ -37,20 +39,11 @@ with Store(sys.argv[1]) as store, store.lock("friday"):
 """
 
 
-def end(number: int, **changes: object) -> Outcome:
+def end(number: int, identity: str = "", **changes: object) -> Outcome:
     """Return a match that ended."""
-    outcome = Outcome(
-        identity=f"friday/{number:04}",
-        blue="a",
-        red="b",
-        ending=Termination.CAPTURE,
-        winner=Team.RED,
-        score=-100,
-        ticks=17,
-        reason="",
-        seats={team: SeatOutcome(faults={"late": 1}, latency_p50_s=0.001) for team in Team},
-    )
-    return replace(outcome, **changes)  # type: ignore[arg-type]
+    seats = {team: SeatOutcome(faults={"late": 1}, latency_p50_s=0.001) for team in Team}
+    outcome = ended(identity or f"friday/{number:04}", "a", "b", Team.RED, seats, score=-100, ticks=17)
+    return changed(outcome, **changes)
 
 
 @pytest.fixture
@@ -101,7 +94,7 @@ def test_a_reason_may_quote_what_is_no_text(store: Store) -> None:
 
     store.add(league, end(1, reason="\0 and \ud800 and ü"))
 
-    assert store.outcomes(league)[0].reason == "\N{REPLACEMENT CHARACTER} and ? and ü"
+    assert store.outcomes(league)[0].result.reason == "\N{REPLACEMENT CHARACTER} and ? and ü"
 
 
 def test_a_league_keeps_its_row_and_the_last_that_was_run_comes_first(store: Store) -> None:

@@ -13,9 +13,9 @@ from typing import Any
 
 import psycopg
 import pytest
+from outcomes import ended
 from sqlalchemy import event
 
-from arena.game.types import Termination
 from tournaments.outcome import Outcome
 from tournaments.store.store import Store, StoreError, TakenError
 
@@ -25,9 +25,7 @@ WAIT_S = 60.0
 
 
 def end(identity: str) -> Outcome:
-    return Outcome(
-        identity=identity, blue="a", red="b", ending=Termination.TICK_LIMIT, winner=None, score=0, ticks=9, reason="", seats={}
-    )
+    return ended(identity, "a", "b", seats={})
 
 
 def test_a_server_that_is_killed_again_and_again_keeps_every_match_once(cluster: Any) -> None:
@@ -213,7 +211,7 @@ with Store(str(file)) as store:
 
 def test_a_disk_that_takes_no_more_is_one_sentence_and_keeps_what_it_has(tmp_path: Path) -> None:
     command = [sys.executable, "-c", FILL_THE_DISK, str(tmp_path / "arena.db")]
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent)}
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, Path(__file__).parents[:2]))}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=WAIT_S, check=False)
 
     assert done.returncode == 0, done.stderr

@@ -7,18 +7,16 @@ import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
+from outcomes import ended
 from sqlalchemy import Engine, inspect, text
 
-from arena.game.types import Termination
 from tournaments.outcome import Outcome
 from tournaments.store.migrations import upgrade
 from tournaments.store.schema import METADATA, reach
 from tournaments.store.store import Store, StoreError
 
 FACTS = {"ruleset": "paper", "rules": "1", "entries": {}, "clock": {}}
-OUTCOME = Outcome(
-    identity="friday/0", blue="a", red="b", ending=Termination.TICK_LIMIT, winner=None, score=0, ticks=9, reason="", seats={}
-)
+OUTCOME = ended("friday/0", "a", "b", seats={})
 GROWN = """
 from alembic import op
 revision, down_revision = "0003", "0002"

@@ -130,7 +130,7 @@ def test_a_client_that_is_killed_comes_back_and_that_it_vanished_is_recorded(tmp
         striker.join()
 
     assert {outcome.identity for outcome in played} == {match.identity for match in plans}
-    assert not {outcome.ending for outcome in played} & {Termination.FORFEIT, Termination.VOID}
+    assert not {outcome.result.ending for outcome in played} & {Termination.FORFEIT, Termination.VOID}
     assert sum(outcome.seats[team_of(outcome, "slow")].faults.get("vanished", 0) for outcome in played) == 1
     assert not any(outcome.seats[team_of(outcome, "one")].faults for outcome in played)
 
@@ -146,9 +146,9 @@ def test_a_client_that_stays_away_forfeits_and_it_is_recorded_whose_and_why(tmp_
     with closing(outcomes):
         first = next(outcomes)
 
-    assert first.ending is Termination.FORFEIT
-    assert first.winner is team_of(first, "one")
-    assert first.reason == f"{team_of(first, 'fatal').name.lower()} did not come back in time"
+    assert first.result.ending is Termination.FORFEIT
+    assert first.winner == "one"
+    assert first.result.reason == f"{team_of(first, 'fatal').name.lower()} did not come back in time"
     assert first.seats[team_of(first, "fatal")].faults == {"vanished": 1}
 
 
@@ -164,10 +164,10 @@ def test_a_client_that_lives_through_no_match_forfeits_them_all_and_the_league_e
     assert set(played) == {match.identity for match in plans}
     for outcome in played.values():
         if "fatal" in (outcome.blue, outcome.red):
-            assert (outcome.ending, outcome.winner) == (Termination.FORFEIT, team_of(outcome, "one"))
+            assert (outcome.result.ending, outcome.winner) == (Termination.FORFEIT, "one")
             assert outcome.seats[team_of(outcome, "fatal")].faults["vanished"] >= 1
         else:
-            assert outcome.ending is not Termination.FORFEIT
+            assert outcome.result.ending is not Termination.FORFEIT
     warnings = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
     assert f"the client of fatal died {few_deaths} times in a row; {setting.journals / 'fatal.log'} says why" in warnings[0]
     assert (setting.journals / "fatal.log").is_file()

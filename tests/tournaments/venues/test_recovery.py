@@ -159,7 +159,7 @@ def test_a_match_of_the_network_counts_the_same_whether_it_was_told_or_read(tmp_
         assert outcome.seats[Team.RED] == SeatOutcome()
 
     assert counted[Team.BLUE] == {"late": 4, "unreadable": 2}
-    assert (outcome.ending, outcome.ticks) == (Termination.TICK_LIMIT, RULES.tick_limit)
+    assert (outcome.result.ending, outcome.result.ticks) == (Termination.TICK_LIMIT, RULES.tick_limit)
 
 
 @pytest.mark.usefixtures("one_core")
@@ -173,9 +173,9 @@ def test_a_void_match_is_no_result_and_is_played_again(
 
     [outcome] = play(setting, [plan])
 
-    assert outcome.ending not in (Termination.VOID, Termination.RUNNING)
+    assert outcome.result.ending not in (Termination.VOID, Termination.RUNNING)
     [again] = find_ended(setting.journals, RULES, [plan])
-    assert (again.ending, again.winner, again.ticks) == (outcome.ending, outcome.winner, outcome.ticks)
+    assert again.result == outcome.result
 
 
 @pytest.mark.usefixtures("one_core")

@@ -1,0 +1,1 @@
+"""The commands of those who play and watch over the network: one module each. They alone print."""

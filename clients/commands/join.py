@@ -1,0 +1,171 @@
+"""`arena join`: play matches in a pit, by a policy or as a person at the terminal."""
+
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from arena.errors import InputError, PolicyError
+from clients.commands.connecting import Authority, trust
+from policies.cli import complete_policy
+
+if TYPE_CHECKING:
+    from clients.audit import Verdict
+    from clients.human.turn_mailbox import TurnMailbox
+    from clients.seat import Seat
+    from clients.settings import ClientSettings
+
+
+def join(
+    address: Annotated[str, typer.Argument(help="As `arena serve` prints it; without it, --pit.")] = "",
+    team: Annotated[str, typer.Option(help="red, blue or any.")] = "any",
+    policy: Annotated[str, typer.Option(autocompletion=complete_policy, help="A fighter, a bot file, or human: you.")] = "rush",
+    program: Annotated[
+        str, typer.Option("--exec", metavar="CMD", help="A program that speaks JSON lines, instead of --policy.")
+    ] = "",
+    autopilot: Annotated[
+        str, typer.Option(autocompletion=complete_policy, help="With --policy human: who moves units without orders.")
+    ] = "",
+    name: Annotated[str, typer.Option(help="What to be called; the policy's name without it.")] = "",
+    pit: Annotated[str, typer.Option(metavar="ENDPOINT", help="Zenoh endpoint of the pit.")] = "tcp/127.0.0.1:7447",
+    matches: Annotated[int, typer.Option(min=1, help="Leave after so many.")] = 1,
+    forever: Annotated[bool, typer.Option("--forever", help="Play until the pit has no more matches.")] = False,
+    slots: Annotated[int, typer.Option(min=1, max=256, help="Seats to hold at once.")] = 1,
+    patience: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="How long to look for a pit that is lost.")] = 60,
+    rules: Annotated[str, typer.Option(help="Refuse to play any ruleset but this.")] = "",
+    invite: Annotated[str, typer.Option(metavar="CODE", help="For a pit that wants one.")] = "",
+    key: Annotated[Path | None, typer.Option(metavar="FILE", help="The entry's key; that of its name without it.")] = None,
+    authority: Authority = None,
+    audit: Annotated[bool, typer.Option(help="Check each match's journal once it may be seen.")] = True,
+    transcripts: Annotated[bool, typer.Option(help="Keep what each seat was shown, for `arena replay show`.")] = True,
+    data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where transcripts live; your data folder without it.")] = None,
+) -> None:
+    """Play matches in a pit, and print how each ended."""
+    from arena.folders import data_folder
+    from arena.game.ruleset import load as load_rules
+    from arena.keyring.files import load, load_or_make
+    from arena.keyring.ring import entry_key_path
+    from arena.network.address import parse_address
+    from arena.protocol.topics import check_chunk
+    from clients.runner import Runner
+    from clients.settings import ClientSettings
+    from policies.registry import load as load_policy
+
+    if team not in ("red", "blue", "any"):
+        raise InputError(f"--team is {team!r}; it must be red, blue or any")
+    where = parse_address(address or pit)
+    notes: list[str] = []
+    is_human = policy == "human" and not program
+    mailbox = _make_mailbox(autopilot, slots) if is_human else None
+    if autopilot and mailbox is None:
+        raise InputError("--autopilot is for --policy human")
+    make = load_policy(f"exec:{program}" if program else policy) if mailbox is None else mailbox.make
+    entry = check_chunk("the name", name or Path((program.split() or [policy])[0] if program else policy).stem)
+    settings = ClientSettings(
+        endpoint=where.endpoint,
+        pit=where.pit,
+        name=entry,
+        team=team,
+        make=make,
+        n_matches=None if forever else matches,
+        n_slots=slots if forever else min(slots, matches),
+        patience_s=patience,
+        is_patient=is_human,
+        rules_hash=load_rules(rules).hash if rules else "",
+        identity=load_or_make(entry_key_path(entry)) if key is None else load(key),
+        invite=invite,
+        trust=lambda pit_key: trust(where, pit_key, None if mailbox is None else notes.append),
+        authority=authority,
+        on_audit=_print_verdict if audit else None,
+        transcripts=data_folder(data_folder(data) / "transcripts") if transcripts else None,
+    )
+    if mailbox is not None:
+        _play_as_human(mailbox, settings, notes)
+        return
+    printed: set[str] = set()
+
+    def on_wait(reason: str) -> None:
+        if reason not in printed:
+            printed.add(reason)
+            typer.echo(f"{settings.name} waits {reason}", err=True)
+
+    runner = Runner(settings, on_seat=_print_seat, on_end=_print_result, on_wait=on_wait)
+    signal.signal(signal.SIGTERM, lambda *_: runner.stop())
+    try:
+        runner.run()
+    except PolicyError as error:
+        raise PolicyError(f"{policy}: {error}") from error
+
+
+def _make_mailbox(autopilot: str, slots: int) -> "TurnMailbox":
+    """Return the mailbox of the person at this terminal, if there is one."""
+    import os
+    import sys
+    from importlib import import_module
+
+    from arena.extras import needs
+    from clients.human.turn_mailbox import TurnMailbox
+    from policies.registry import load
+
+    with needs("tui", "--policy human"):
+        import_module("textual")
+    if not (sys.stdin.isatty() and sys.stdout.isatty()) or os.environ.get("TERM") == "dumb":
+        raise InputError("--policy human wants a terminal to draw on and to type in; `arena web` has a page for playing")
+    if slots != 1:
+        raise InputError(f"--slots is {slots}; a person holds one seat at a time")
+    if autopilot:
+        load(autopilot)
+    return TurnMailbox(autopilot)
+
+
+def _play_as_human(mailbox: "TurnMailbox", settings: "ClientSettings", notes: list[str]) -> None:
+    """Give the terminal to a person until all is played, and print the results and `notes` afterwards."""
+    from dataclasses import replace
+
+    from clients.runner import Runner
+    from clients.terminal.app import PitApp
+
+    over: list[Seat] = []
+    audited: list[tuple[Seat, Verdict]] = []
+    quiet = replace(
+        settings, on_audit=None if settings.on_audit is None else lambda seat, verdict: audited.append((seat, verdict))
+    )
+    runner = Runner(quiet, on_seat=mailbox.on_seat, on_end=over.append, on_wait=mailbox.on_wait)
+    mailbox.wake = runner.wake
+    screen = PitApp(mailbox, runner.run, runner.stop)
+    signal.signal(signal.SIGTERM, lambda *_: screen.leave())
+    try:
+        screen.run()
+    finally:
+        screen.close()
+    for note in notes:
+        typer.echo(note, err=True)
+    for seat in over:
+        _print_result(seat)
+    for seat, verdict in audited:
+        _print_verdict(seat, verdict)
+    if screen.failure is not None:
+        raise screen.failure
+    if mailbox.is_playing:
+        typer.echo(f"match {mailbox.match}: left before its end; it is lost unless {settings.name} soon comes back", err=True)
+
+
+def _print_seat(seat: "Seat") -> None:
+    team, opponent = seat.team.name.lower(), seat.ticket.opponent
+    typer.echo(f"match {seat.ticket.match}: {team} against {opponent}, rules {seat.ruleset.name}", err=True)
+
+
+def _print_result(seat: "Seat") -> None:
+    counted = (seat.ended.faults if seat.ended else {}).get(seat.team.name.lower(), {})
+    faults = ", ".join(f"{n} {what}" for what, n in counted.items() if n)
+    how = seat.result().describe(seat.team)
+    typer.echo(f"match {seat.ticket.match}: {how}{f'; counted: {faults}' if faults else ''}")
+    first = seat.faults().first_traceback
+    if first:
+        typer.echo(f"the policy first failed like this:\n{first}", err=True)
+
+
+def _print_verdict(seat: "Seat", verdict: "Verdict") -> None:
+    holds, finding = verdict
+    typer.echo(f"match {seat.ticket.match}: {'warning: ' if holds is False else ''}{finding}", err=True)
