@@ -1,7 +1,7 @@
-# `make help` lists what can be made. PYTHON=python3.12 chooses the interpreter of a new .venv.
+# `make help` lists the targets. PYTHON=python3.12 chooses the interpreter of a new .venv.
 
 PYTHON ?= python3
-# Where pip finds torch: PyPI's own build unless this names another index.
+# The index from which pip takes torch; PyPI without it.
 TORCH_INDEX ?=
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
@@ -13,7 +13,7 @@ READY := .venv/.ready
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-setup: $(READY) ## make .venv and install everything that constraints.txt pins
+setup: $(READY) ## make .venv and install all extras, as constraints.txt pins them
 
 $(READY): pyproject.toml constraints.txt
 	@command -v $(PYTHON) >/dev/null || { echo "make setup: there is no $(PYTHON); install Python 3.11 or later, or name one: make setup PYTHON=..." >&2; exit 1; }
@@ -33,22 +33,22 @@ check: $(READY) ## ruff, mypy and lint-imports
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
-test: check ## check, then pytest; sizes that take minutes at most
+test: check ## check, then pytest, in sizes that take minutes
 	$(BIN)/pytest -n auto --dist worksteal
 
-test-full: check ## the same with the sizes that a claim needs
+test-full: check ## the same, in the sizes that claims need
 	ARENA_TEST_SIZE=full $(BIN)/pytest -n auto --dist worksteal
 
 format: $(READY) ## let ruff rewrite the sources
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-layout: $(READY) ## write docs/layout.md anew
+layout: $(READY) ## generate docs/layout.md
 	$(BIN)/python docs/make_layout.py
 
 bench: $(READY) ## run every benchmark
 	$(BIN)/arena bench --all
 
-clean: ## remove .venv and what the tools left behind
+clean: ## remove .venv and all caches
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache build dist
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,10 +1,11 @@
-"""The Dockerfile, as far as it goes without an engine: its own lines, in a clean folder, with what it copies and no more."""
+"""The Dockerfile, as far as it can be tested without an engine: its own lines, in a clean folder with only what it copies."""
 
 import os
 import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ LINES = (ROOT / "Dockerfile").read_text(encoding="utf-8").replace("\\\n", " ").s
 
 
 def steps(kind: str) -> list[str]:
-    """Return what stands behind an instruction, in order."""
+    """Return the arguments of an instruction, in order."""
     return [line.partition(" ")[2].strip() for line in LINES if line.startswith(f"{kind} ")]
 
 
@@ -46,6 +47,24 @@ def image(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         "NUMBA_LOOP_VECTORIZE": "0",
         "HOME": str(kernels),
     }
+
+
+def test_its_extras_exist_and_bring_no_torch() -> None:
+    (install,) = [step for step in steps("RUN") if "pip install" in step]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = re.findall(r'"\.\[(.*)\]"', install)[0].split(",")
+    packages = {package for extra in extras for package in project["optional-dependencies"][extra]}
+
+    assert "--constraint constraints.txt" in install
+    assert not [package for package in packages if "torch" in package or "arena-pit" in package]
+
+
+def test_what_it_copies_reaches_the_build() -> None:
+    ignored = (ROOT / ".dockerignore").read_text(encoding="utf-8").split()
+    copied = {name for step in steps("COPY") if not step.startswith("--from") for name in step.split()[:-1]}
+
+    assert not copied & set(ignored)
+    assert all((ROOT / name).exists() for name in copied)
 
 
 def test_what_it_installs_plays_and_is_well(image: dict[str, str], tmp_path: Path) -> None:
