@@ -15,13 +15,11 @@ from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey
 from arena.errors import ArenaError
 from arena.game.keys import (
     MatchKeys,
-    board_key,
     derive_map_key,
     derive_match_key,
     expand,
-    seat_keys,
+    philox_keys,
     secret_from_seed,
-    unit_keys,
 )
 from arena.game.ruleset import Ruleset, load, to_dict
 from arena.game.types import Team
@@ -259,7 +257,7 @@ def test_the_keys_of_a_match_follow_from_a_seed_as_before(same: Same) -> None:
         match_key = derive_match_key(secret, "league/a/b/0003/a-blue/0")
         map_key = derive_map_key(secret, "league/a/b", 3)
         lines += [one.hex() for one in (secret, map_key, match_key, expand(match_key, "moves"))]
-        lines += [str(one.tolist()) for one in (unit_keys(match_key), seat_keys(match_key), board_key(map_key))]
+        lines += [str(one[0].tolist()) for one in philox_keys([MatchKeys(map_key=map_key, match_key=match_key)])]
 
     same("keys.txt", "\n".join([*lines, ""]))
 
