@@ -205,7 +205,7 @@ def test_a_refereed_match_is_ruled_as_before(same: Same) -> None:
             elif isinstance(event, Ask):
                 words.append(f"ask {event.team.name.lower()} {event.tick} {digest(event.observation)[:16]}")
             elif isinstance(event, End):
-                words.append(f"end {event.result.in_words()}")
+                words.append(f"end {event.result.to_dict()}")
             else:
                 words.append("publish")
         said.append(f"{now_s:.2f} {what}: {', '.join(words) or 'nothing'}; {list(match.facts)}")

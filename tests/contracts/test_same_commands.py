@@ -55,7 +55,7 @@ KEPT = """
 pairs = 2
 seed = 5
 pairing = "gauntlet"
-hero = "ann"
+challenger = "ann"
 maps = "fresh"
 [entries]
 ann = "rush"
