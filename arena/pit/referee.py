@@ -180,7 +180,7 @@ class Referee:
 
     def _hand_in(self, event: Event) -> list[Effect]:
         """Hand an event to the core and carry out what it wants done."""
-        effects = self._core.receive(event, time.monotonic())
+        effects: list[Any] = self._core.receive(event, time.monotonic())
         try:
             for effect in effects:
                 in_match = _IN_MATCH.get(type(effect))
