@@ -1,20 +1,22 @@
-"""What a match wants done, in this order. The match itself does none of it."""
+"""What a match wants done, in this order. The match itself does none of it.
+
+Those that every turn needs are named tuples: they are made in half the time of a frozen dataclass.
+"""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from arena.game.types import Team
 from arena.policy import MatchResult
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Write:
+class Write(NamedTuple):
     """Append these bytes to the journal, now."""
 
     data: bytes
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ask:
+class Ask(NamedTuple):
     """Show a seat the current tick, and wait for its orders."""
 
     team: Team
@@ -23,8 +25,7 @@ class Ask:
     """As `arena.protocol.observation_codec.ObservationWriter` writes it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Publish:
+class Publish(NamedTuple):
     """Publish the public facts of the tick that begins."""
 
 

@@ -1,6 +1,6 @@
 """What the core of a pit wants done. The shell carries the effects of a call out in their order, and none after one that fails.
 
-Those that every turn needs are named tuples: they cost a third of a frozen dataclass.
+Those that every turn needs are named tuples: they are made in half the time of a frozen dataclass.
 """
 
 from collections.abc import Callable

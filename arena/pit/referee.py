@@ -180,7 +180,7 @@ class Referee:
 
     def _hand_in(self, event: Event) -> list[Effect]:
         """Hand an event to the core and carry out what it wants done."""
-        effects = self._core.receive(event, time.monotonic())
+        effects: list[Any] = self._core.receive(event, time.monotonic())
         try:
             effect: Any  # of one of two kinds, told by its type, which a dictionary knows and a type checker does not
             for effect in effects:

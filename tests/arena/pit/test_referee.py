@@ -1,0 +1,149 @@
+"""The shell of a pit, with a network of this test: effects are carried out in order, and none after one that fails."""
+
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from offline_pit import N_UNITS, PIT, RULES, plan
+
+from arena.errors import ArenaError
+from arena.game.types import RULES_VERSION, Team
+from arena.match.time_control import TimeControl
+from arena.pit.match_session import PitContext
+from arena.pit.referee import Referee
+from arena.pit.seating import PlannedSeating
+from arena.protocol import topics
+from arena.protocol.codec import decode, encode
+from arena.protocol.handshake import Attempt
+from arena.protocol.identity import Identity
+from arena.protocol.messages import Challenge, ChallengeRequest, JoinRequest, Message, Orders, Ready, Ticket
+from arena.protocol.sealing import Sealer
+from arena.records.journal import read_journal
+
+
+class Bytes(bytes):
+    """A payload as Zenoh has it."""
+
+    def to_bytes(self) -> bytes:  # type: ignore[override]
+        return bytes(self)
+
+
+class Question:
+    def __init__(self, payload: bytes) -> None:
+        self.payload, self.answers = payload, list[bytes]()
+
+    def answer(self, payload: bytes) -> None:
+        self.answers.append(payload)
+
+
+class Network:
+    """A session whose samples are those that the test lays up."""
+
+    def __init__(self) -> None:
+        self.put: dict[str, list[bytes]] = defaultdict(list)
+        self.samples: list[Any] = []
+        self.ask: dict[str, Callable[[Any], None]] = {}
+
+    def publisher(self, key: str) -> tuple[Callable[[bytes], None], Callable[[], None]]:
+        return self.put[key].append, lambda: None
+
+    def broadcast(self, key: str) -> Any:
+        return SimpleNamespace(put=self.put[key].append, end=lambda: None, is_heard=False)
+
+    def collect(self, key: str, most: int) -> Any:
+        beat = SimpleNamespace(key_expr=topics.beat("pit"), payload=Bytes())
+        return SimpleNamespace(
+            wait=lambda: self.samples.pop(0) if self.samples else beat,
+            take=lambda: self.samples.pop(0) if self.samples else None,
+        )
+
+    def answer(self, key: str, on_question: Callable[[Any], None]) -> None:
+        self.ask[key] = on_question
+
+    def watch_presence(self, key: str, on_change: Callable[[str, bool], None]) -> None:
+        """Nobody comes or goes."""
+
+    def beat(self, key: str, period_s: float) -> Callable[[], None]:
+        return lambda: None
+
+
+class Pit:
+    """A referee on that network, and a match of one entry against itself."""
+
+    def __init__(self, folder: Path, n_ticks: int) -> None:
+        rules = RULES.with_({"tick_limit": n_ticks})
+        self.network, self.path = Network(), folder / "pit+0.journal"
+        session: Any = self.network
+        seating = PlannedSeating([plan("pit/0", "ann", "ann")])
+        self.referee = Referee(
+            session, PitContext(pit="pit", identity=PIT), rules, seating, TimeControl(), folder, on_end=lambda ended: None
+        )
+        ann, asked = Identity.make(), list[tuple[Attempt, Question]]()
+        for slot in range(2):
+            challenge = decode(self.ask(encode(ChallengeRequest())).answers[0])
+            assert isinstance(challenge, Challenge)
+            request = JoinRequest(rules_version=RULES_VERSION, name="ann", team="any", client="c", slot=slot)
+            attempt = Attempt(ann, "pit", challenge, request)
+            asked.append((attempt, self.ask(attempt.sealed)))
+        self.sealers: dict[Team, Sealer] = {}
+        for attempt, question in asked:
+            ticket = attempt.open(question.answers[0])
+            assert isinstance(ticket, Ticket)
+            self.match, team = ticket.match, Team(ticket.team)
+            self.sealers[team], _ = attempt.sit(ticket.match, team, ticket.secret)
+        self.send(Ready(known_ticks=0))
+
+    def run(self) -> None:
+        passes = iter((False, True))
+        self.referee.run(lambda: next(passes))
+
+    def ask(self, payload: bytes) -> Question:
+        question = Question(payload)
+        self.network.ask[topics.join("pit")](question)
+        self.run()
+        return question
+
+    def send(self, message: Message) -> None:
+        for team, sealer in self.sealers.items():
+            key = topics.action("pit", self.match, team)
+            self.network.samples.append(SimpleNamespace(key_expr=key, payload=Bytes(sealer.close(encode(message), 0))))
+        self.run()
+
+    @property
+    def n_sent(self) -> list[int]:
+        return [len(self.network.put[topics.observation("pit", self.match, team)]) for team in Team]
+
+    @property
+    def n_written(self) -> int:
+        return len(read_journal(self.path.read_bytes()).ticks)
+
+
+def test_orders_that_come_are_written_and_the_next_turn_is_sent(tmp_path: Path) -> None:
+    pit = Pit(tmp_path, n_ticks=2)
+    assert (pit.n_written, pit.n_sent) == (0, [1, 1])
+
+    pit.send(Orders(tick=0, actions=bytes(N_UNITS)))
+
+    assert (pit.n_written, pit.n_sent) == (1, [2, 2])
+    pit.referee.close()
+
+
+@pytest.mark.parametrize("n_ticks", [1, 2])
+def test_a_tick_that_cannot_be_written_ends_the_pit_and_nothing_of_it_is_sent_or_signed(
+    n_ticks: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pit = Pit(tmp_path, n_ticks)
+
+    def fail(*_: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.write", fail)
+    with pytest.raises(ArenaError, match=r"^cannot write a journal: No space left on device$"):
+        pit.send(Orders(tick=0, actions=bytes(N_UNITS)))
+    monkeypatch.undo()
+    pit.referee.close()
+
+    assert (pit.n_written, pit.n_sent) == (0, [1, 1])
