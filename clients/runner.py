@@ -156,9 +156,10 @@ class Runner:
         return True
 
     def _open(self, seat: events.OpenSeat) -> None:
-        """Take the keys of a seat: a single one is heard outside Python, which spares each turn a tenth of its time.
+        """Declare the two keys of a seat.
 
-        By callbacks, like several, for a policy that takes its time, since it may have its answer when nothing is heard.
+        The messages of a single seat are queued outside Python, which spares each turn a tenth of its time. Those of several come
+        by callbacks, and so do those for a policy that takes its time, since it may have its answer while no message comes.
         """
         session, pit, slot = self._session, self._settings.pit, seat.slot
         put, end = session.publisher(topics.action(pit, seat.match, seat.team))

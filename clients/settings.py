@@ -1,4 +1,4 @@
-"""What a client is told: the pit, the entry, the policy, and how long to try."""
+"""The settings of a client: the pit, the entry, the policy, and how long to try."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,1 +1,1 @@
-"""A person plays in the terminal: the board, what the units were told, and the keys."""
+"""A person plays in the terminal: the board, the units' orders, and the keys."""

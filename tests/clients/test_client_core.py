@@ -42,27 +42,9 @@ from arena.protocol.observation_codec import ObservationReader, ObservationWrite
 from arena.protocol.sealing import Opener, Sealer
 from arena.protocol.signed import check_receipt, commit, sign_statement
 from arena.records.transcript import Head
+from clients import events
 from clients.audit import Verdict
 from clients.core import ANSWER_S, MOST_UNANSWERED, PROBE_S, SILENCE_S, ClientCore
-from clients.events import (
-    Audited,
-    CloseSeat,
-    Connected,
-    Disconnected,
-    Effect,
-    Event,
-    MatchBegun,
-    MatchEnded,
-    MessageReceived,
-    OpenSeat,
-    Publish,
-    Query,
-    Reconnect,
-    ReplyReceived,
-    TimePassed,
-    Waiting,
-    Woken,
-)
 from clients.seat import Seat, Thinking
 from clients.settings import ClientSettings
 
@@ -134,7 +116,7 @@ class Joined:
             lambda ticket, digest, _: Seat(ticket, digest, settings.get("make", Counter)),
         )
         self.now_s = 1_000.0
-        self.queries: list[Query] = []
+        self.queries: list[events.Query] = []
         """Unanswered, the oldest first."""
         self.published: list[bytes] = []
         self.heard: list[Message] = []
@@ -143,33 +125,33 @@ class Joined:
         self._identity, self._private = identity, X25519PrivateKey.generate()
         self._keys: dict[int, tuple[Sealer, Opener]] = {}
 
-    def feed(self, event: Event, after_s: float = 0.0) -> list[Effect]:
+    def feed(self, event: events.Event, after_s: float = 0.0) -> list[events.Effect]:
         self.now_s += after_s
         effects = self.core.receive(event, self.now_s)
-        self.queries += [effect for effect in effects if isinstance(effect, Query)]
+        self.queries += [effect for effect in effects if isinstance(effect, events.Query)]
         for effect in effects:
-            if isinstance(effect, Publish):
+            if isinstance(effect, events.Publish):
                 self.published.append(effect.payload)
                 self.heard.append(decode(self._keys[effect.slot][1].open(effect.payload)))
         return effects
 
-    def connect(self) -> list[Effect]:
-        assert self.feed(Connected()) == []
-        return self.feed(TimePassed())
+    def connect(self) -> list[events.Effect]:
+        assert self.feed(events.Connected()) == []
+        return self.feed(events.TimePassed())
 
     def challenge(self) -> bytes:
         public = self._private.public_key().public_bytes_raw()
         return encode(sign_challenge("pit", self._identity, public, bytes(32)))
 
-    def reply(self, payload: bytes) -> list[Effect]:
+    def reply(self, payload: bytes) -> list[events.Effect]:
         """Answer the oldest query."""
-        return self.feed(ReplyReceived(self.queries.pop(0).id, payload))
+        return self.feed(events.ReplyReceived(self.queries.pop(0).id, payload))
 
-    def answer(self, message: Message) -> list[Effect]:
+    def answer(self, message: Message) -> list[events.Effect]:
         """Answer the oldest question: its ChallengeRequest, and the request that follows."""
         assert decode(self.queries[0].payload) == ChallengeRequest()
         effects = self.reply(self.challenge())
-        assert [type(effect) for effect in effects] == [Query]
+        assert [type(effect) for effect in effects] == [events.Query]
         query = self.queries.pop()
         assert query.key == JOIN
         caller = open_request(query.payload, "pit", self._identity.public, self._private)
@@ -177,15 +159,15 @@ class Joined:
         self.requests.append(caller.request)
         if isinstance(message, Ticket):
             self._keys[caller.request.slot] = caller.sit(message.match, Team.RED, message.secret, 64)
-        return self.feed(ReplyReceived(query.id, caller.answer(message)))
+        return self.feed(events.ReplyReceived(query.id, caller.answer(message)))
 
     def seal(self, message: Message, slot: int = 0) -> bytes:
         return self._keys[slot][0].close(encode(message), 0)
 
-    def deliver(self, message: Message, slot: int = 0) -> list[Effect]:
-        return self.feed(MessageReceived(slot, self.seal(message, slot)))
+    def deliver(self, message: Message, slot: int = 0) -> list[events.Effect]:
+        return self.feed(events.MessageReceived(slot, self.seal(message, slot)))
 
-    def turn(self, tick: int, slot: int = 0) -> list[Effect]:
+    def turn(self, tick: int, slot: int = 0) -> list[events.Effect]:
         return self.deliver(Turn(tick=tick, observation=observation(tick)), slot)
 
 
@@ -208,17 +190,17 @@ def test_a_client_asks_for_a_seat_takes_it_and_says_that_it_is_ready() -> None:
     both = Joined(invite="code", rules_hash="hash")
 
     (query,) = both.connect()
-    assert isinstance(query, Query)
+    assert isinstance(query, events.Query)
     assert (query.key, query.timeout_s) == (JOIN, ANSWER_S)
     begun, opened, published = both.answer(ticket())
 
     (request,) = both.requests
     assert (request.name, request.team, request.client, request.slot) == ("ann", "any", "client", 0)
     assert (request.match, request.invite, request.rules_hash, request.entry) == ("", "code", "hash", ANN.public)
-    assert isinstance(begun, MatchBegun)
+    assert isinstance(begun, events.MatchBegun)
     assert (begun.seat.ticket.match, begun.seat.commitment) == (MATCH, commit(MATCH, KEYS))
-    assert opened == OpenSeat(0, MATCH, Team.RED)
-    assert isinstance(published, Publish)
+    assert opened == events.OpenSeat(0, MATCH, Team.RED)
+    assert isinstance(published, events.Publish)
     assert both.heard == [Ready(known_ticks=0)]
 
 
@@ -228,10 +210,10 @@ def test_a_client_that_is_to_wait_asks_again_at_once() -> None:
 
     for _ in range(3):
         waiting, query = both.answer(Wait(reason="for an opponent"))
-        assert waiting == Waiting("for an opponent")
-        assert isinstance(query, Query)
+        assert waiting == events.Waiting("for an opponent")
+        assert isinstance(query, events.Query)
 
-    assert isinstance(both.answer(ticket())[0], MatchBegun)
+    assert isinstance(both.answer(ticket())[0], events.MatchBegun)
 
 
 def test_a_refusal_is_an_error_with_the_pits_reason() -> None:
@@ -246,9 +228,9 @@ def test_a_client_is_done_when_the_pit_has_no_more_matches() -> None:
     both = Joined(n_matches=None)
     both.connect()
 
-    assert both.answer(Closed(reason="all is played")) == [Waiting("no more: all is played")]
+    assert both.answer(Closed(reason="all is played")) == [events.Waiting("no more: all is played")]
     assert both.core.is_done
-    assert both.feed(TimePassed(), 100.0) == []
+    assert both.feed(events.TimePassed(), 100.0) == []
 
 
 def test_an_unanswered_question_is_asked_again_later_and_in_the_end_over_another_connection() -> None:
@@ -257,13 +239,13 @@ def test_an_unanswered_question_is_asked_again_later_and_in_the_end_over_another
 
     for _ in range(MOST_UNANSWERED - 1):
         assert both.reply(b"") == []
-        (query,) = both.feed(TimePassed(), TICK_S)
-        assert isinstance(query, Query)
+        (query,) = both.feed(events.TimePassed(), TICK_S)
+        assert isinstance(query, events.Query)
     both.reply(b"")
-    assert both.feed(TimePassed(), TICK_S) == [Reconnect()]
+    assert both.feed(events.TimePassed(), TICK_S) == [events.Reconnect()]
 
     with pytest.raises(LostPitError, match="no pit called pit answers"):
-        both.feed(Disconnected(LOST))
+        both.feed(events.Disconnected(LOST))
 
 
 def test_an_answer_sets_the_count_of_unanswered_questions_back() -> None:
@@ -273,8 +255,8 @@ def test_an_answer_sets_the_count_of_unanswered_questions_back() -> None:
     for _ in range(3):
         for _ in range(MOST_UNANSWERED - 1):
             both.reply(b"")
-            both.feed(TimePassed(), TICK_S)
-        assert isinstance(both.answer(Wait(reason="x"))[-1], Query)
+            both.feed(events.TimePassed(), TICK_S)
+        assert isinstance(both.answer(Wait(reason="x"))[-1], events.Query)
 
 
 @pytest.mark.parametrize("has_challenge", [False, True])
@@ -284,8 +266,8 @@ def test_a_question_that_stays_open_for_too_long_wants_another_connection(has_ch
     if has_challenge:
         both.reply(both.challenge())
 
-    assert both.feed(TimePassed(), ANSWER_S) == []
-    assert both.feed(TimePassed(), 0.1) == [Reconnect()]
+    assert both.feed(events.TimePassed(), ANSWER_S) == []
+    assert both.feed(events.TimePassed(), 0.1) == [events.Reconnect()]
 
 
 def test_no_request_goes_to_a_pit_that_is_not_trusted() -> None:
@@ -322,9 +304,9 @@ def test_a_challenge_that_no_pit_of_this_name_made_counts_for_nothing(forge: Cal
     both.connect()
 
     assert both.reply(forge(both)) == []
-    both.feed(TimePassed(), TICK_S)
+    both.feed(events.TimePassed(), TICK_S)
 
-    assert isinstance(both.answer(ticket())[0], MatchBegun)
+    assert isinstance(both.answer(ticket())[0], events.MatchBegun)
 
 
 def test_a_pit_of_another_version_is_refused() -> None:
@@ -344,9 +326,9 @@ def test_an_answer_that_the_pit_did_not_seal_counts_for_nothing(payload: bytes) 
     both.reply(both.challenge())
 
     assert both.reply(payload) == []
-    both.feed(TimePassed(), TICK_S)
+    both.feed(events.TimePassed(), TICK_S)
 
-    assert isinstance(both.answer(ticket())[0], MatchBegun)
+    assert isinstance(both.answer(ticket())[0], events.MatchBegun)
 
 
 @pytest.mark.parametrize(
@@ -386,7 +368,7 @@ def test_a_ticket_for_no_match_that_can_be_is_refused(changes: dict[str, Any], e
 def test_a_turn_is_answered_and_a_resend_gets_the_same_bytes(both: Joined) -> None:
     for tick in (0, 0, 0, 1, 1):
         (effect,) = both.turn(tick)
-        assert isinstance(effect, Publish)
+        assert isinstance(effect, events.Publish)
 
     assert both.heard[1:] == [orders(0)] * 3 + [orders(1)] * 2
     assert both.published[1:] == [both.published[1]] * 3 + [both.published[4]] * 2
@@ -414,7 +396,7 @@ def forgeries(both: Joined) -> list[bytes]:
 
 def test_what_the_referee_did_not_seal_changes_nothing(both: Joined) -> None:
     for payload in forgeries(both):
-        assert both.feed(MessageReceived(0, payload)) == []
+        assert both.feed(events.MessageReceived(0, payload)) == []
 
     assert both.turn(0)
     assert both.heard[1:] == [orders(0)]
@@ -424,12 +406,12 @@ def test_nothing_is_heard_without_a_seat() -> None:
     both = Joined()
     both.connect()
 
-    assert both.feed(MessageReceived(0, b"anything")) == []
-    assert both.feed(Woken()) == []
+    assert both.feed(events.MessageReceived(0, b"anything")) == []
+    assert both.feed(events.Woken()) == []
 
 
-@pytest.mark.parametrize("event", [Woken(), TimePassed()])
-def test_a_policy_that_needs_longer_is_asked_again(event: Event, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("event", [events.Woken(), events.TimePassed()])
+def test_a_policy_that_needs_longer_is_asked_again(event: events.Event, monkeypatch: pytest.MonkeyPatch) -> None:
     both = seated(make=Thinker)
     assert both.turn(0) == []
     assert both.feed(event) == []
@@ -444,10 +426,10 @@ def test_a_policy_that_needs_longer_is_asked_again(event: Event, monkeypatch: py
 def test_a_policy_is_not_asked_again_once_the_connection_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
     both = seated(make=Thinker)
     both.turn(0)
-    both.feed(Disconnected(LOST))
+    both.feed(events.Disconnected(LOST))
 
     monkeypatch.setattr(Thinker, "is_done", True)
-    assert both.feed(Woken()) == []
+    assert both.feed(events.Woken()) == []
 
 
 # Silence, and a pit that went away
@@ -455,40 +437,40 @@ def test_a_policy_is_not_asked_again_once_the_connection_is_gone(monkeypatch: py
 
 def test_a_silent_seat_asks_whether_its_match_still_runs(both: Joined) -> None:
     both.turn(0)
-    both.feed(TimePassed(), 60.0)  # silence begins now, however long the policy thought
-    assert both.feed(TimePassed(), SILENCE_S) == []
+    both.feed(events.TimePassed(), 60.0)  # silence begins now, however long the policy thought
+    assert both.feed(events.TimePassed(), SILENCE_S) == []
 
-    (query,) = both.feed(TimePassed(), 0.1)
-    assert isinstance(query, Query)
+    (query,) = both.feed(events.TimePassed(), 0.1)
+    assert isinstance(query, events.Query)
     assert query.timeout_s == PROBE_S
     (ready,) = both.answer(ticket())
 
     assert (both.requests[-1].match, both.requests[-1].team) == (MATCH, "red")
-    assert isinstance(ready, Publish), "its keys on the network are the same"
+    assert isinstance(ready, events.Publish), "its keys on the network are the same"
     assert both.heard[-1] == Ready(known_ticks=1)
-    assert both.feed(TimePassed(), SILENCE_S) == []
+    assert both.feed(events.TimePassed(), SILENCE_S) == []
 
 
 def test_a_silent_seat_whose_question_stays_open_wants_another_connection(both: Joined) -> None:
-    both.feed(TimePassed(), SILENCE_S + 0.1)
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
 
-    assert both.feed(TimePassed(), PROBE_S) == []
-    assert both.feed(TimePassed(), 0.1) == [Reconnect()]
+    assert both.feed(events.TimePassed(), PROBE_S) == []
+    assert both.feed(events.TimePassed(), 0.1) == [events.Reconnect()]
 
 
 def test_a_seat_is_taken_again_over_another_connection_under_new_keys(both: Joined) -> None:
     both.turn(0)
     stale = both.seal(Turn(tick=1, observation=observation(1)))
-    assert both.feed(Disconnected(LOST), 1.0) == [Waiting("for the pit to come back")]
-    assert both.feed(MessageReceived(0, stale)) == [], "its keys on the network are gone"
+    assert both.feed(events.Disconnected(LOST), 1.0) == [events.Waiting("for the pit to come back")]
+    assert both.feed(events.MessageReceived(0, stale)) == [], "its keys on the network are gone"
 
     both.connect()
     opened, _ = both.answer(ticket())
-    assert both.feed(MessageReceived(0, stale)) == []
+    assert both.feed(events.MessageReceived(0, stale)) == []
     both.turn(0)
     both.turn(1)
 
-    assert opened == OpenSeat(0, MATCH, Team.RED)
+    assert opened == events.OpenSeat(0, MATCH, Team.RED)
     assert both.requests[-1].match == MATCH
     assert both.heard[1:] == [orders(0), Ready(known_ticks=1), orders(0), orders(1)]
     assert both.published[1] != both.published[3]
@@ -499,16 +481,16 @@ def test_an_answer_that_comes_over_a_connection_that_is_closed_counts_for_nothin
     both.connect()
     both.answer(Wait(reason="x"))
     stale = both.queries.pop()
-    both.feed(Disconnected(LOST))
+    both.feed(events.Disconnected(LOST))
     both.connect()
 
-    assert both.feed(ReplyReceived(stale.id, both.challenge())) == []
-    assert isinstance(both.answer(ticket())[0], MatchBegun)
+    assert both.feed(events.ReplyReceived(stale.id, both.challenge())) == []
+    assert isinstance(both.answer(ticket())[0], events.MatchBegun)
 
 
 def test_the_same_match_under_another_commitment_is_refused_and_what_was_agreed_stands(both: Joined) -> None:
     keys = both._keys[0]
-    both.feed(TimePassed(), SILENCE_S + 0.1)
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
 
     with pytest.raises(RefusedError, match=f"the pit commits itself to match {MATCH} anew"):
         both.answer(ticket(commitment=encode(commitment(keys=OTHER_KEYS))))
@@ -520,12 +502,12 @@ def test_the_same_match_under_another_commitment_is_refused_and_what_was_agreed_
 
 def test_a_match_that_is_gone_frees_its_seat(both: Joined) -> None:
     both = seated(n_matches=2)
-    both.feed(TimePassed(), SILENCE_S + 0.1)
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
 
     closed, waiting, query = both.answer(Wait(reason="for an opponent"))
-    assert (closed, waiting) == (CloseSeat(0), Waiting("for an opponent"))
-    assert isinstance(query, Query)
-    assert isinstance(both.answer(ticket(NEXT))[0], MatchBegun)
+    assert (closed, waiting) == (events.CloseSeat(0), events.Waiting("for an opponent"))
+    assert isinstance(query, events.Query)
+    assert isinstance(both.answer(ticket(NEXT))[0], events.MatchBegun)
 
     assert both.requests[-1].match == ""
 
@@ -533,41 +515,41 @@ def test_a_match_that_is_gone_frees_its_seat(both: Joined) -> None:
 def test_another_match_than_the_one_that_was_asked_for_makes_another_seat() -> None:
     both = seated(n_matches=2)
     both.turn(0)
-    both.feed(TimePassed())
-    both.feed(TimePassed(), SILENCE_S + 0.1)
+    both.feed(events.TimePassed())
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
 
     closed, begun, opened, _ = both.answer(ticket(NEXT))
 
-    assert (closed, opened) == (CloseSeat(0), OpenSeat(0, NEXT, Team.RED))
-    assert isinstance(begun, MatchBegun)
+    assert (closed, opened) == (events.CloseSeat(0), events.OpenSeat(0, NEXT, Team.RED))
+    assert isinstance(begun, events.MatchBegun)
     assert both.heard[-1] == Ready(known_ticks=0)
 
 
 def test_a_pit_that_is_away_is_looked_for_as_long_as_patience_lasts(both: Joined) -> None:
-    both.feed(Disconnected(LOST), 100.0)  # it was there until now
+    both.feed(events.Disconnected(LOST), 100.0)  # it was there until now
 
-    assert both.feed(Disconnected(LOST), 10.0) == [Waiting("for the pit to come back")]
+    assert both.feed(events.Disconnected(LOST), 10.0) == [events.Waiting("for the pit to come back")]
     both.connect()  # a router without a pit: this is no answer
     both.reply(b"")
     with pytest.raises(LostPitError):
-        both.feed(Disconnected(LOST), 0.1)
+        both.feed(events.Disconnected(LOST), 0.1)
 
 
 def test_every_connection_has_its_own_count_of_unanswered_questions(both: Joined) -> None:
     for _ in range(2):
-        assert both.feed(Disconnected(LOST)) == [Waiting("for the pit to come back")]
+        assert both.feed(events.Disconnected(LOST)) == [events.Waiting("for the pit to come back")]
         assert len(both.connect()) == 1
         for _ in range(MOST_UNANSWERED - 1):
             both.reply(b"")
-            assert both.feed(TimePassed(), 0.0) != [Reconnect()]
+            assert both.feed(events.TimePassed(), 0.0) != [events.Reconnect()]
         both.reply(b"")
-        assert both.feed(TimePassed(), 0.0) == [Reconnect()]
+        assert both.feed(events.TimePassed(), 0.0) == [events.Reconnect()]
 
 
 def test_patience_begins_anew_with_every_answer(both: Joined) -> None:
     for _ in range(3):
-        both.feed(Disconnected(LOST), 8.0)
-        assert both.feed(Disconnected(LOST), 8.0) == [Waiting("for the pit to come back")]
+        both.feed(events.Disconnected(LOST), 8.0)
+        assert both.feed(events.Disconnected(LOST), 8.0) == [events.Waiting("for the pit to come back")]
         both.connect()
         both.answer(ticket())
 
@@ -576,17 +558,17 @@ def test_a_pit_that_was_never_there_is_given_up_at_once() -> None:
     both = Joined()
 
     with pytest.raises(LostPitError):
-        both.feed(Disconnected(LOST))
+        both.feed(events.Disconnected(LOST))
 
 
 def test_a_pit_that_closed_before_it_could_be_asked_is_looked_for() -> None:
     both = Joined()
-    both.feed(Connected())
-    assert both.feed(Disconnected(LOST), 1.0) == [Waiting("for the pit to come back")]
-    assert both.feed(Disconnected(LOST), 9.0) == [Waiting("for the pit to come back")]
+    both.feed(events.Connected())
+    assert both.feed(events.Disconnected(LOST), 1.0) == [events.Waiting("for the pit to come back")]
+    assert both.feed(events.Disconnected(LOST), 9.0) == [events.Waiting("for the pit to come back")]
 
     with pytest.raises(LostPitError):
-        both.feed(Disconnected(LOST), 0.1)
+        both.feed(events.Disconnected(LOST), 0.1)
 
 
 # Endings
@@ -601,14 +583,14 @@ def test_an_ending_that_the_pit_signed_is_believed_and_receipted(both: Joined) -
     head = Head()
     for tick in range(2):
         head.add(observation(tick))
-    assert isinstance(receipt, Publish)
+    assert isinstance(receipt, events.Publish)
     given = both.heard[-1]
     assert isinstance(given, Receipt)
     assert (given.n_shown, given.head) == (2, head.digest)
     check_receipt(ANN.public, MATCH, Team.RED, given)
-    assert isinstance(ended, MatchEnded)
+    assert isinstance(ended, events.MatchEnded)
     assert ended.seat.ended == ENDED
-    assert closed == CloseSeat(0)
+    assert closed == events.CloseSeat(0)
     assert (both.core.is_done, both.core.n_ended) == (True, 1)
 
 
@@ -639,19 +621,20 @@ def test_an_ending_that_is_not_the_pits_or_of_another_match_is_not_believed(both
 def test_a_match_that_ended_while_the_client_was_away_ends_by_the_answer_to_its_question(is_open: bool) -> None:
     both = seated()
     if is_open:
-        both.feed(TimePassed(), SILENCE_S + 0.1)
+        both.feed(events.TimePassed(), SILENCE_S + 0.1)
     else:
-        both.feed(Disconnected(LOST))
+        both.feed(events.Disconnected(LOST))
         both.connect()
 
     effects = both.answer(sign_statement(PIT, ENDED))
 
-    assert [type(effect) for effect in effects] == ([Publish, MatchEnded, CloseSeat] if is_open else [MatchEnded])
+    expected = [events.Publish, events.MatchEnded, events.CloseSeat] if is_open else [events.MatchEnded]
+    assert [type(effect) for effect in effects] == expected
     assert both.core.is_done
 
 
 def test_a_late_ending_that_is_not_the_pits_is_refused(both: Joined) -> None:
-    both.feed(TimePassed(), SILENCE_S + 0.1)
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
 
     with pytest.raises(RefusedError, match="the pit cannot be understood"):
         both.answer(sign_statement(MAN, ENDED))
@@ -660,12 +643,12 @@ def test_a_late_ending_that_is_not_the_pits_is_refused(both: Joined) -> None:
 def test_the_answer_to_a_question_that_the_ending_overtook_is_of_no_use() -> None:
     for late in (ticket(), sign_statement(PIT, ENDED)):
         both = seated(n_matches=2)
-        both.feed(TimePassed(), SILENCE_S + 0.1)
+        both.feed(events.TimePassed(), SILENCE_S + 0.1)
         both.deliver(sign_statement(PIT, ENDED))
 
         (query,) = both.answer(late)
 
-        assert isinstance(query, Query)
+        assert isinstance(query, events.Query)
         assert both.core.n_ended == 1
 
 
@@ -674,7 +657,7 @@ def test_a_slot_that_is_done_is_done_once() -> None:
     both.connect()
     both.answer(ticket())
     both.answer(ticket(NEXT))
-    both.feed(TimePassed(), SILENCE_S + 0.1)
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
     both.deliver(sign_statement(PIT, ENDED))
 
     both.answer(Closed(reason="all is played"))
@@ -686,7 +669,7 @@ def test_matches_follow_each_other_until_all_are_played() -> None:
     both = seated(n_matches=2)
 
     *_, query = both.deliver(sign_statement(PIT, ENDED))
-    assert isinstance(query, Query)
+    assert isinstance(query, events.Query)
     both.answer(ticket(NEXT))
     both.deliver(sign_statement(PIT, replace(ENDED, match=NEXT)))
 
@@ -700,10 +683,10 @@ def test_several_slots_play_side_by_side_each_under_its_own_keys() -> None:
     for number in range(3):
         both.answer(ticket(f"{number:016}"))
     payload = both.seal(Turn(tick=0, observation=observation(0)), 1)
-    assert both.feed(MessageReceived(2, payload)) == []
+    assert both.feed(events.MessageReceived(2, payload)) == []
 
-    (effect,) = both.feed(MessageReceived(1, payload))
-    assert isinstance(effect, Publish)
+    (effect,) = both.feed(events.MessageReceived(1, payload))
+    assert isinstance(effect, events.Publish)
     assert effect.slot == 1
     for number in range(3):
         assert not both.core.is_done
@@ -739,9 +722,9 @@ def audited() -> Joined:
     return both
 
 
-def verdict(effects: list[Effect]) -> Verdict:
+def verdict(effects: list[events.Effect]) -> Verdict:
     (effect,) = effects
-    assert isinstance(effect, Audited)
+    assert isinstance(effect, events.Audited)
     assert effect.seat.ticket.match == MATCH
     return effect.verdict
 
@@ -749,7 +732,7 @@ def verdict(effects: list[Effect]) -> Verdict:
 def test_the_journal_is_fetched_piece_by_piece_and_checked() -> None:
     both = audited()
     (query,) = both.reply(encode(JournalPiece(n_bytes=8, offset=0, data=b"junk")))
-    assert isinstance(query, Query)
+    assert isinstance(query, events.Query)
     assert decode(query.payload) == JournalRequest(offset=4)
 
     assert verdict(both.reply(encode(JournalPiece(n_bytes=8, offset=4, data=b"junk"))))[0] is False
@@ -768,6 +751,6 @@ def test_an_audit_that_the_end_of_a_connection_cut_off_does_not_keep_a_client() 
     both = audited()
     (query,) = both.queries
 
-    assert both.feed(Disconnected(LOST)) == []
+    assert both.feed(events.Disconnected(LOST)) == []
     assert both.core.is_done
-    assert both.feed(ReplyReceived(query.id, b"")) == []
+    assert both.feed(events.ReplyReceived(query.id, b"")) == []
