@@ -5,30 +5,29 @@ the obstacles, item 16 + 32 t is the flag of team t, and the ones after it its u
 a set of columns, one word.
 """
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 from arena.game.bits import popcount
 from arena.game.compiled import can_enter
 from arena.game.philox import Purpose, below, philox
-from arena.game.state import Rule, StateField
+from arena.game.state import Rule, State, StateField, Tables
 from arena.game.types import Code
 from arena.jit import jit
 
 MAX_ATTEMPTS = 1000
 FIRST_OBSTACLE, FIRST_PLACED, PLACED_PER_TEAM = 1, 16, 32
 _ONE = np.uint64(1)
+MapKey = tuple[np.uint64, np.uint64]
+"""Each below 2**32."""
 
 
 @jit()
-def draw(game: Any, state: Any, tables: Any, map_key: Any, rows: Any) -> int:
+def draw(game: int, state: State, tables: Tables, map_key: MapKey, rows: NDArray[np.uint64]) -> int:
     """Lay out one game and set it to tick 0; its fights and moves take their keys from `state.key`.
 
     Parameters
     ----------
-    map_key
-        Two uint64, each below 2**32.
     rows
         uint64, shape (2, side + 2): scratch memory.
 
@@ -47,7 +46,7 @@ def draw(game: Any, state: Any, tables: Any, map_key: Any, rows: Any) -> int:
 
 
 @jit()
-def begin(game: Any, state: Any, tables: Any) -> None:
+def begin(game: int, state: State, tables: Tables) -> None:
     """Set a laid-out game to tick 0, everybody living."""
     state.alive[game] = 1
     state.event[game] = -1
@@ -58,7 +57,9 @@ def begin(game: Any, state: Any, tables: Any) -> None:
 
 
 @jit(inline=True)
-def _draw_ground(game: Any, state: Any, tables: Any, map_key: Any, attempt: Any, left: Any, free: Any) -> None:
+def _draw_ground(
+    game: int, state: State, tables: Tables, map_key: MapKey, attempt: int, left: int, free: NDArray[np.uint64]
+) -> None:
     """Write halves and obstacles; leave in `free` the columns of each row that hold no obstacle, from row 1 on."""
     side = tables.rule[Rule.SIDE]
     whole = tables.half[0, 0] | tables.half[1, 0]
@@ -84,7 +85,7 @@ def _draw_ground(game: Any, state: Any, tables: Any, map_key: Any, attempt: Any,
 
 
 @jit(inline=True)
-def _mirror_ground(side: Any, blue_half: Any, free: Any) -> None:
+def _mirror_ground(side: int, blue_half: np.uint64, free: NDArray[np.uint64]) -> None:
     """Put the blue half's obstacles, turned by 180 degrees, on the red half."""
     for row in range(side):
         turned = np.uint64(0)
@@ -95,7 +96,16 @@ def _mirror_ground(side: Any, blue_half: Any, free: Any) -> None:
 
 
 @jit(inline=True)
-def _place(game: Any, state: Any, tables: Any, map_key: Any, attempt: Any, left: Any, open_: Any, free: Any) -> bool:
+def _place(
+    game: int,
+    state: State,
+    tables: Tables,
+    map_key: MapKey,
+    attempt: int,
+    left: int,
+    open_: NDArray[np.uint64],
+    free: NDArray[np.uint64],
+) -> bool:
     """Put flags and units on free cells of their own halves, each on a cell of its own; say whether there was room."""
     side = tables.rule[Rule.SIDE]
     for row in range(side + 2):
@@ -107,9 +117,9 @@ def _place(game: Any, state: Any, tables: Any, map_key: Any, attempt: Any, left:
         for thing in range(n_units + 1):
             if team == 1 and tables.rule[Rule.MIRROR]:
                 if thing == 0:
-                    cell = side * side - 1 - np.int64(state.field[game, StateField.BLUE_FLAG])
+                    cell = side * side - 1 - int(state.field[game, StateField.BLUE_FLAG])
                 else:
-                    cell = side * side - 1 - np.int64(state.cell[game, thing - 1])
+                    cell = side * side - 1 - int(state.cell[game, thing - 1])
             else:
                 depth = 1 if thing == 0 and tables.rule[Rule.BACK_THIRD] else 0
                 word = philox(map_key, attempt, FIRST_PLACED + PLACED_PER_TEAM * team + thing, Purpose.BOARD, 0)[0]
@@ -126,7 +136,7 @@ def _place(game: Any, state: Any, tables: Any, map_key: Any, attempt: Any, left:
 
 
 @jit(inline=True)
-def _pick(side: Any, free: Any, columns: Any, word: Any) -> Any:
+def _pick(side: int, free: NDArray[np.uint64], columns: np.uint64, word: np.uint64) -> int:
     """Return a uniform choice, made by `word`, among the free cells in these columns; -1 if there is none."""
     n_free = 0
     for row in range(side):
@@ -140,13 +150,13 @@ def _pick(side: Any, free: Any, columns: Any, word: Any) -> Any:
         if rank < n_here:
             for _ in range(rank):
                 here &= here - _ONE
-            return row * side + popcount((here & (~here + _ONE)) - _ONE)
+            return int(row * side + popcount((here & (~here + _ONE)) - _ONE))
         rank -= n_here
     return -1
 
 
 @jit()
-def is_open(game: Any, state: Any, tables: Any, rows: Any) -> bool:
+def is_open(game: int, state: State, tables: Tables, rows: NDArray[np.uint64]) -> bool:
     """Whether every walking unit can reach the enemy flag, were it alone on the board."""
     side = tables.rule[Rule.SIDE]
     free, reached = rows[0], rows[1]
@@ -160,17 +170,17 @@ def is_open(game: Any, state: Any, tables: Any, rows: Any) -> bool:
         n_walkers = tables.rule[Rule.RED_WALKERS if team else Rule.BLUE_WALKERS]
         if n_walkers == 0:
             continue
-        _flood(side, free, reached, np.int64(state.field[game, StateField.RED_FLAG - team]))
+        _flood(side, free, reached, int(state.field[game, StateField.RED_FLAG - team]))
         first = tables.rule[Rule.BLUE_UNITS] * team
         for unit in range(first, first + n_walkers):
-            cell = np.int64(state.cell[game, unit])
+            cell = int(state.cell[game, unit])
             if not reached[cell // side + 1] >> np.uint64(cell % side) & _ONE:
                 return False
     return True
 
 
 @jit(inline=True)
-def _flood(side: Any, free: Any, reached: Any, cell: Any) -> None:
+def _flood(side: int, free: NDArray[np.uint64], reached: NDArray[np.uint64], cell: int) -> None:
     """Fill `reached` with the free cells that are connected to `cell`."""
     reached[: side + 2] = 0
     start = cell // side + 1
@@ -185,7 +195,7 @@ def _flood(side: Any, free: Any, reached: Any, cell: Any) -> None:
 
 
 @jit(inline=True)
-def _spread(free: Any, reached: Any, row: Any) -> Any:
+def _spread(free: NDArray[np.uint64], reached: NDArray[np.uint64], row: int) -> bool:
     """Take in what a row's neighbours have reached, and what it leads to; say if anything was new."""
     before = reached[row]
     seeds = (before | reached[row - 1] | reached[row + 1]) & free[row]
@@ -196,7 +206,7 @@ def _spread(free: Any, reached: Any, row: Any) -> Any:
 
 
 @jit(inline=True)
-def _run_along(free: Any, seeds: Any) -> Any:
+def _run_along(free: np.uint64, seeds: np.uint64) -> np.uint64:
     """Return the free columns of one row that are connected to `seeds` within it, doubling the stride."""
     lower = upper = free
     for power in range(6):

@@ -1,8 +1,7 @@
 """Fight and judge: all fights on the same positions, then the fallen are removed, then the end is called."""
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 from arena.game.compiled import (
     ending_of,
@@ -19,13 +18,13 @@ from arena.game.compiled import (
     winner_of,
 )
 from arena.game.philox import Purpose, philox
-from arena.game.state import Event, Rule, StateField, Trait
+from arena.game.state import Event, Rule, Shape, State, StateField, Tables, Trait
 from arena.game.types import Termination
 from arena.jit import jit
 
 
 @jit(inline=True)
-def fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
+def fight(game: int, shape: Shape, state: State, tables: Tables, work: NDArray[np.int64]) -> None:
     """Remove the units that fall this tick.
 
     Parameters
@@ -38,29 +37,29 @@ def fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
 
 
 @jit(inline=True)
-def _is_contact(game: Any, shape: Any, state: Any, tables: Any) -> Any:
+def _is_contact(game: int, shape: Shape, state: State, tables: Tables) -> bool:
     """Whether any living walking unit has an enemy in range."""
     _, blue, blue_walkers, _, red_walkers = shape
     contact = False
     for one in range(blue_walkers):
-        here = np.int64(state.cell[game, one])
+        here = int(state.cell[game, one])
         for other in range(blue, blue + red_walkers):
             reach = max(tables.unit[one, Trait.REACH], tables.unit[other, Trait.REACH])
-            near = is_in_reach(_squared(tables, here, np.int64(state.cell[game, other])), reach)
+            near = is_in_reach(_squared(tables, here, int(state.cell[game, other])), reach)
             contact |= near & (state.alive[game, one] != 0) & (state.alive[game, other] != 0)
     return contact
 
 
 @jit(inline=True)
-def _squared(tables: Any, one: Any, other: Any) -> Any:
+def _squared(tables: Tables, one: int, other: int) -> int:
     """Return the squared Euclidean distance between two cells."""
     down = tables.place[one, 0] - tables.place[other, 0]
     right = tables.place[one, 1] - tables.place[other, 1]
-    return squared_distance(down, right)
+    return int(squared_distance(down, right))
 
 
 @jit()
-def _fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
+def _fight(game: int, shape: Shape, state: State, tables: Tables, work: NDArray[np.int64]) -> None:
     _, blue, blue_walkers, _, red_walkers = shape
     tick = state.field[game, StateField.TICK]
     falls = work[0]
@@ -71,7 +70,7 @@ def _fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
         falls[walker] = 0
         if not state.alive[game, unit]:
             continue
-        here = np.int64(state.cell[game, unit])
+        here = int(state.cell[game, unit])
         friends, enemies, is_in_range = 0, 0, False
         for other_walker in range(blue_walkers + red_walkers):
             other_team = 0 if other_walker < blue_walkers else 1
@@ -81,7 +80,7 @@ def _fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
             strength = tables.unit[other, Trait.STRENGTH]
             if other == unit:
                 friends += own_strength(strength, tables.rule[Rule.SELF_COUNTS])
-            elif is_in_reach(_squared(tables, here, np.int64(state.cell[game, other])), tables.unit[other, Trait.REACH]):
+            elif is_in_reach(_squared(tables, here, int(state.cell[game, other])), tables.unit[other, Trait.REACH]):
                 if other_team == team:
                     friends += strength
                 else:
@@ -92,7 +91,7 @@ def _fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
         state.event[game, Event.FOUGHT, unit] = tick + 1
         at_home = is_home(state.ground[game, here], team)
         if tables.rule[Rule.RANDOM_COMBAT]:
-            word: Any = np.int64(philox(state.key[game, Purpose.FIGHT, team], tick, index, Purpose.FIGHT, 0)[0])
+            word = int(np.int64(philox(state.key[game, Purpose.FIGHT, team], tick, index, Purpose.FIGHT, 0)[0]))
             falls[walker] = not survives(word, friends + home_bonus(at_home), enemies + home_bonus(not at_home))
         else:
             falls[walker] = not survives_without_chance(at_home)
@@ -106,7 +105,7 @@ def _fight(game: Any, shape: Any, state: Any, tables: Any, work: Any) -> None:
 
 
 @jit(inline=True)
-def judge(game: Any, shape: Any, state: Any, tables: Any) -> None:
+def judge(game: int, shape: Shape, state: State, tables: Tables) -> None:
     """Close the tick: count it, score it, and call the end if it has come.
 
     Source: paper, Eq. 4 and the text under it; what it leaves open, `docs/rules.md`.
@@ -131,7 +130,7 @@ def judge(game: Any, shape: Any, state: Any, tables: Any) -> None:
 
 
 @jit(inline=True)
-def _captures(game: Any, state: Any, first: Any, last: Any, flag: Any) -> Any:
+def _captures(game: int, state: State, first: int, last: int, flag: int) -> bool:
     captures = False
     for unit in range(first, last):
         captures |= is_captured(state.cell[game, unit], flag, state.alive[game, unit])
@@ -139,7 +138,7 @@ def _captures(game: Any, state: Any, first: Any, last: Any, flag: Any) -> Any:
 
 
 @jit()
-def _mark_captures(game: Any, shape: Any, state: Any) -> None:
+def _mark_captures(game: int, shape: Shape, state: State) -> None:
     _, blue, blue_walkers, _, red_walkers = shape
     for walker in range(blue_walkers + red_walkers):
         unit = walker if walker < blue_walkers else blue + walker - blue_walkers

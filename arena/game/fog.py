@@ -3,12 +3,11 @@
 The law of the fog stands in `arena.game.observation`; this is the one place that draws it.
 """
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 from arena.game.bits import cover
-from arena.game.state import Rule, Trait
+from arena.game.state import Rule, Shape, State, Tables, Trait
 from arena.game.types import Code
 from arena.jit import jit
 
@@ -17,13 +16,15 @@ _EVERYTHING = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
 @jit(inline=True)
-def see(game: Any, shape: Any, state: Any, tables: Any, boards: Any, visible: Any, with_units: Any) -> None:
+def see(
+    game: int, shape: Shape, state: State, tables: Tables, boards: NDArray[np.int8], visible: NDArray[np.uint64], with_units: bool
+) -> None:
     """Write what both teams see of one game.
 
     Parameters
     ----------
     shape
-        (side, blue units, blue walkers, red units, red walkers); constants, on the path for the default board.
+        A constant, on the path for the default board.
     boards
         int8, shape (2 teams, n, stride). Cells out of sight become -1.
     visible
@@ -43,14 +44,23 @@ def see(game: Any, shape: Any, state: Any, tables: Any, boards: Any, visible: An
 
 
 @jit(inline=True)
-def _cover_board(game: Any, shape: Any, state: Any, tables: Any, board: Any, visible: Any, first: Any, last: Any) -> None:
+def _cover_board(
+    game: int,
+    shape: Shape,
+    state: State,
+    tables: Tables,
+    board: NDArray[np.int8],
+    visible: NDArray[np.uint64],
+    first: int,
+    last: int,
+) -> None:
     """Show the cells that units first .. last - 1 see."""
     cells = shape[0] * shape[0]
     n_words = (cells + _WORD - 1) // _WORD
     for word in range(n_words):
         visible[word] = np.uint64(0) if tables.rule[Rule.FOG] else _EVERYTHING
     for unit in range(first, last):
-        stand = np.int64(state.cell[game, unit]) if state.alive[game, unit] else cells
+        stand = int(state.cell[game, unit]) if state.alive[game, unit] else cells
         kind = tables.unit[unit, Trait.TYPE]
         for word in range(n_words):
             visible[word] |= tables.disc[kind, stand, word]
@@ -59,7 +69,7 @@ def _cover_board(game: Any, shape: Any, state: Any, tables: Any, board: Any, vis
 
 
 @jit(inline=True)
-def _stamp_flyers(game: Any, shape: Any, state: Any, board: Any, team: Any) -> None:
+def _stamp_flyers(game: int, shape: Shape, state: State, board: NDArray[np.int8], team: int) -> None:
     _, blue, blue_walkers, red, red_walkers = shape
     if team == 0:
         _stamp(game, state, board, blue_walkers, blue, np.int8(Code.BLUE_UAV))
@@ -68,22 +78,30 @@ def _stamp_flyers(game: Any, shape: Any, state: Any, board: Any, team: Any) -> N
 
 
 @jit(inline=True)
-def _stamp_walkers(game: Any, shape: Any, state: Any, board: Any) -> None:
+def _stamp_walkers(game: int, shape: Shape, state: State, board: NDArray[np.int8]) -> None:
     _, blue, blue_walkers, _, red_walkers = shape
     _stamp(game, state, board, 0, blue_walkers, np.int8(Code.BLUE_UGV))
     _stamp(game, state, board, blue, blue + red_walkers, np.int8(Code.RED_UGV))
 
 
 @jit(inline=True)
-def _stamp(game: Any, state: Any, board: Any, first: Any, last: Any, code: Any) -> None:
+def _stamp(game: int, state: State, board: NDArray[np.int8], first: int, last: int, code: np.int8) -> None:
     for unit in range(first, last):
-        cell = np.int64(state.cell[game, unit])
+        cell = int(state.cell[game, unit])
         if state.alive[game, unit] and board[game, cell] != Code.HIDDEN:
             board[game, cell] = code
 
 
 @jit()
-def spot(state: Any, tables: Any, team: Any, ground: Any, cell: Any, flies: Any, kind: Any) -> None:
+def spot(
+    state: State,
+    tables: Tables,
+    team: int,
+    ground: NDArray[np.int8],
+    cell: NDArray[np.int16],
+    flies: NDArray[np.uint8],
+    kind: NDArray[np.int8],
+) -> None:
     """List the enemy units that stand on cells in sight, by cell, then type.
 
     Parameters

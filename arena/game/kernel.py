@@ -4,16 +4,15 @@ On the default board the sizes are constants, so that the compiler unrolls what 
 with the sizes read from the tables.
 """
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 from arena.game.draw import draw
 from arena.game.fight import fight, judge
 from arena.game.fog import see, spot
 from arena.game.move import move
 from arena.game.philox import Purpose, philox
-from arena.game.state import Rule, StateField
+from arena.game.state import Rule, Seen, Shape, State, StateField, Tables
 from arena.game.types import Termination
 from arena.jit import jit
 
@@ -22,7 +21,7 @@ DEFAULT_SHAPE = (20, 6, 4, 6, 4)
 
 
 @jit(inline=True)
-def _shape(tables: Any) -> Any:
+def _shape(tables: Tables) -> Shape:
     rule = tables.rule
     return (
         rule[Rule.SIDE], rule[Rule.BLUE_UNITS], rule[Rule.BLUE_WALKERS], rule[Rule.RED_UNITS], rule[Rule.RED_WALKERS],
@@ -30,7 +29,7 @@ def _shape(tables: Any) -> Any:
 
 
 @jit(inline=True)
-def _step_one(game: Any, shape: Any, state: Any, orders: Any, tables: Any, work: Any) -> None:
+def _step_one(game: int, shape: Shape, state: State, orders: NDArray[np.int8], tables: Tables, work: NDArray[np.int64]) -> None:
     if state.field[game, StateField.ENDING] == Termination.RUNNING:
         move(game, shape, state, orders, tables, work)
         fight(game, shape, state, tables, work)
@@ -38,7 +37,7 @@ def _step_one(game: Any, shape: Any, state: Any, orders: Any, tables: Any, work:
 
 
 @jit()
-def step(state: Any, orders: Any, tables: Any, work: Any, special: bool) -> None:
+def step(state: State, orders: NDArray[np.int8], tables: Tables, work: NDArray[np.int64], special: bool) -> None:
     """Play one tick of every game that is not over.
 
     Parameters
@@ -60,7 +59,9 @@ def step(state: Any, orders: Any, tables: Any, work: Any, special: bool) -> None
 
 
 @jit()
-def observe(state: Any, tables: Any, boards: Any, rows: Any, with_units: bool, special: bool) -> None:
+def observe(
+    state: State, tables: Tables, boards: NDArray[np.int8], rows: NDArray[np.uint64], with_units: bool, special: bool
+) -> None:
     """Write what both teams see of every game.
 
     Parameters
@@ -82,7 +83,9 @@ def observe(state: Any, tables: Any, boards: Any, rows: Any, with_units: bool, s
 
 
 @jit()
-def draw_boards(state: Any, tables: Any, games: Any, map_keys: Any, rows: Any) -> int:
+def draw_boards(
+    state: State, tables: Tables, games: NDArray[np.int64], map_keys: NDArray[np.uint32], rows: NDArray[np.uint64]
+) -> int:
     """Lay out `games`, the i-th of them from `map_keys[i]`; return the first that no attempt could lay out, or -1."""
     for i in range(len(games)):
         map_key = (np.uint64(map_keys[i, 0]), np.uint64(map_keys[i, 1]))
@@ -92,7 +95,7 @@ def draw_boards(state: Any, tables: Any, games: Any, map_keys: Any, rows: Any) -
 
 
 @jit()
-def draw_seeds(keys: Any, ticks: Any, seeds: Any) -> None:
+def draw_seeds(keys: NDArray[np.uint32], ticks: NDArray[np.int32], seeds: NDArray[np.uint64]) -> None:
     """Write each seat's seed of its tick.
 
     Parameters
@@ -110,7 +113,15 @@ def draw_seeds(keys: Any, ticks: Any, seeds: Any) -> None:
 
 
 @jit()
-def sense(state: Any, tables: Any, seat_keys: Any, boards: Any, rows: Any, blue: Any, red: Any) -> None:
+def sense(
+    state: State,
+    tables: Tables,
+    seat_keys: NDArray[np.uint32],
+    boards: NDArray[np.int8],
+    rows: NDArray[np.uint64],
+    blue: Seen,
+    red: Seen,
+) -> None:
     """Write all that both teams are told of every game, in one call.
 
     Parameters
@@ -128,14 +139,24 @@ def sense(state: Any, tables: Any, seat_keys: Any, boards: Any, rows: Any, blue:
 
 
 @jit(keeps_gil=True)
-def play(state: Any, orders: Any, tables: Any, work: Any, seat_keys: Any, boards: Any, rows: Any, blue: Any, red: Any) -> None:
+def play(
+    state: State,
+    orders: NDArray[np.int8],
+    tables: Tables,
+    work: NDArray[np.int64],
+    seat_keys: NDArray[np.uint32],
+    boards: NDArray[np.int8],
+    rows: NDArray[np.uint64],
+    blue: Seen,
+    red: Seen,
+) -> None:
     """Step and sense, in one call: a tick of the referee."""
     step(state, orders, tables, work, True)
     sense(state, tables, seat_keys, boards, rows, blue, red)
 
 
 @jit(inline=True)
-def _tell(state: Any, tables: Any, seat_keys: Any, boards: Any, team: Any, seen: Any) -> None:
+def _tell(state: State, tables: Tables, seat_keys: NDArray[np.uint32], boards: NDArray[np.int8], team: int, seen: Seen) -> None:
     for game in range(len(state.cell)):
         seen.tick[game] = state.field[game, StateField.TICK]
         seen.living[game, 0] = state.field[game, StateField.BLUE_LIVING + team]

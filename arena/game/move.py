@@ -4,13 +4,12 @@ The short way to see it: if all targets of walking units differ and no two of th
 rotations included. Only where that fails are conflicts settled one by one.
 """
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 from arena.game.compiled import can_enter, is_move, wins_cell
 from arena.game.philox import Purpose, philox
-from arena.game.state import StateField, Trait
+from arena.game.state import Shape, State, StateField, Tables, Trait
 from arena.jit import jit
 
 AT, WANT, STAYS, WORD = 0, 1, 2, 3
@@ -19,7 +18,7 @@ _NOWHERE = -1000
 
 
 @jit(inline=True)
-def move(game: Any, shape: Any, state: Any, orders: Any, tables: Any, work: Any) -> None:
+def move(game: int, shape: Shape, state: State, orders: NDArray[np.int8], tables: Tables, work: NDArray[np.int64]) -> None:
     """Move all living units of one game.
 
     Parameters
@@ -34,10 +33,10 @@ def move(game: Any, shape: Any, state: Any, orders: Any, tables: Any, work: Any)
     for walker in range(walkers):
         unit = walker if walker < blue_walkers else blue + walker - blue_walkers
         action = int(orders[game, unit])
-        at: Any = np.int64(state.cell[game, unit])
+        at = int(state.cell[game, unit])
         want = at
         if is_move(action) and tables.unit[unit, Trait.STEP] > 0:
-            next_cell = np.int64(tables.neighbour[action, at])
+            next_cell = int(tables.neighbour[action, at])
             if can_enter(state.ground[game, next_cell], 0):
                 want = next_cell
         if not state.alive[game, unit]:
@@ -57,17 +56,17 @@ def move(game: Any, shape: Any, state: Any, orders: Any, tables: Any, work: Any)
 
 
 @jit(inline=True)
-def _fly(game: Any, unit: Any, state: Any, orders: Any, tables: Any) -> None:
+def _fly(game: int, unit: int, state: State, orders: NDArray[np.int8], tables: Tables) -> None:
     action = int(orders[game, unit])
     if is_move(action) and state.alive[game, unit]:
-        cell = np.int64(state.cell[game, unit])
+        cell = int(state.cell[game, unit])
         for _ in range(tables.unit[unit, Trait.STEP]):
-            cell = np.int64(tables.neighbour[action, cell])
+            cell = int(tables.neighbour[action, cell])
         state.cell[game, unit] = cell
 
 
 @jit(inline=True)
-def _is_contested(work: Any, walkers: Any) -> Any:
+def _is_contested(work: NDArray[np.int64], walkers: int) -> bool:
     """Whether two walking units want one cell, or each other's."""
     contested = False
     for one in range(walkers):
@@ -78,7 +77,7 @@ def _is_contested(work: Any, walkers: Any) -> Any:
 
 
 @jit()
-def _settle(game: Any, shape: Any, state: Any, work: Any) -> None:
+def _settle(game: int, shape: Shape, state: State, work: NDArray[np.int64]) -> None:
     """Make units stay until nothing changes. The result does not depend on the order in which they are looked at."""
     _, _, blue_walkers, _, red_walkers = shape
     walkers = blue_walkers + red_walkers

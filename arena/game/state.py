@@ -116,6 +116,10 @@ class Tables(NamedTuple):
     """Shape (2 sides, 2 depths): the columns of the left and of the right half, and of the third of it next to the border."""
 
 
+Shape = tuple[int, int, int, int, int]
+"""Side, blue units, blue walkers, red units, red walkers: constants, on the path for the default board."""
+
+
 def n_words(side: int) -> int:
     """Return how many words a set of a board's cells takes."""
     return -(-side * side // WORD)
