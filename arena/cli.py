@@ -172,6 +172,7 @@ def _toml(facts: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines of a file that `arena.game.ruleset.load` reads back to the same rules."""
     yield f"# {facts['name']}{': ' if facts['about'] else ''}{facts['about']}"
     yield f"# hash {facts['hash']}"
+    yield "# each key is explained in docs/rules.md"
     yield ""
     tables = {(): facts["rules"]} | {("units", name): row for name, row in facts["rules"]["units"].items()}
     for path, values in tables.items():

@@ -87,10 +87,16 @@ def jit(*, inline: bool = False, keeps_gil: bool = False) -> Callable[[Callable[
     return compile_
 
 
-def bind(kernel: Callable[..., R], *arguments: Any) -> Callable[[], R]:
-    """Return a call of a kernel on these very arguments, compiled by now.
+def compile_for(kernel: Callable[P, R], *arguments: Any) -> Callable[P, R]:
+    """Return a kernel compiled for arguments of the types of these, and never ask for the type of any again.
 
     A kernel that is called as it is looks at the type of each array anew, which takes most of a call of microseconds.
     """
     dispatcher: Any = kernel  # of numba, which `jit` shows as the function that it compiles
-    return partial(dispatcher.compile(tuple(map(numba.typeof, arguments))), *arguments)
+    compiled: Callable[P, R] = dispatcher.compile(tuple(map(numba.typeof, arguments)))
+    return compiled
+
+
+def bind(kernel: Callable[..., R], *arguments: Any) -> Callable[[], R]:
+    """Return a call of a kernel on these very arguments, compiled by now."""
+    return partial(compile_for(kernel, *arguments), *arguments)

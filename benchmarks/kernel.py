@@ -1,4 +1,5 @@
-"""The rules kernel: ticks per second with random orders, both teams' boards written, finished games drawn anew.
+"""The rules as they are played, in the local venue and in training: a step under random orders, what both teams see of it, and a
+start with fresh keys where a game has ended.
 
 With the environment variable ARENA_YARDSTICK, the folder of another kernel (`ctfkernel.py`), both run by turns and the ratio is
 given: its batched game has the same shape of work.
@@ -8,6 +9,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable
+from itertools import cycle, islice
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -16,6 +18,7 @@ import numpy as np
 
 from arena.errors import InputError
 from arena.game.engine import BatchedGame
+from arena.game.keys import MatchKeys
 from arena.game.ruleset import load
 from benchmarks.measuring.rates import RUNS, Work, median_rate, paired_rates, rate, threaded_rate
 
@@ -23,6 +26,7 @@ RULES = ("paper", "gym-cap")
 BATCHES = (1, 64, 1024, 4096)
 HEADLINE_BATCH = 64
 _TICKS_PER_CALL = 2048
+_N_KEYS = 4096
 
 
 def run(progress: Callable[[str], None]) -> dict[str, Any]:
@@ -67,13 +71,16 @@ def make_work(name: str, batch: int, seed: int = 0) -> Work:
     """Return work that plays random ticks of a batch of its own and returns how many."""
     chance = np.random.default_rng(seed)
     games = BatchedGame(load(name), batch)
-    games.start_streams(chance.integers(0, 2**32, (batch, 2), dtype=np.uint32))
+    keys = cycle([MatchKeys(map_key=chance.bytes(32), match_key=chance.bytes(32)) for _ in range(_N_KEYS)])
     orders = [chance.integers(0, 5, games.state.cell.shape, dtype=np.int8) for _ in range(16)]
     calls = max(1, _TICKS_PER_CALL // batch)
 
     def work() -> int:
         for call in range(calls):
-            games.turn(orders[call & 15])
+            if len(over := np.flatnonzero(games.is_over)):
+                games.start(over, list(islice(keys, len(over))))
+            games.observe()
+            games.step(orders[call & 15])
         return calls * batch
 
     for _ in range(max(1, 200 // calls)):  # until games are at all stages

@@ -30,7 +30,7 @@ from arena.protocol.identity import Identity
 from arena.records.journal import load_journal
 from arena.records.replay import BrokenChainError
 from arena.records.verification import check_seals
-from benchmarks.measuring.load_generator import Crowd
+from benchmarks.measuring.load_generator import LoadGenerator
 from clients.precompile import precompile
 from policies.registry import load
 from tournaments.fixture import plan_fixture, tally
@@ -79,9 +79,9 @@ def measure(
             time_control=TimeControl(grace_s=_GRACE_S),
             journals=journals,
         )
-        crowd = Crowd(address, folder, entries, kill_every_s=kill_every_s, most_away_s=MOST_AWAY_S)
+        generator = LoadGenerator(address, folder, entries, kill_every_s=kill_every_s, most_away_s=MOST_AWAY_S)
         with open_ladder(db, address.pit, ruleset.hash) as ladder:
-            figures = _serve(progress, settings, _Watched(ladder), crowd, duration_s)
+            figures = _serve(progress, settings, _Watched(ladder), generator, duration_s)
             mu = {row["name"]: row["mu"] for row in ladder.standings()}
         progress(f"the journals of {figures['matches']} matches, played again")
         with LadderStore(db, make=False) as store:
@@ -116,7 +116,9 @@ class _Watched:
         return self._ladder.standings()
 
 
-def _serve(progress: Progress, settings: PitSettings, ladder: _Watched, crowd: Crowd, duration_s: float) -> dict[str, Any]:
+def _serve(
+    progress: Progress, settings: PitSettings, ladder: _Watched, generator: LoadGenerator, duration_s: float
+) -> dict[str, Any]:
     """Keep the pit open for a while, and return what was counted."""
     pit = Pit(replace(settings, ladder=ladder))
     endings: Counter[Termination] = Counter()
@@ -132,11 +134,11 @@ def _serve(progress: Progress, settings: PitSettings, ladder: _Watched, crowd: C
         for step in range(1, 11):
             if is_over.wait(max(begin_s + duration_s * step / 10 - time.monotonic(), 0)):
                 return
-            progress(f"{step * duration_s / 10:.0f} of {duration_s:.0f} s, {endings.total()} matches, {crowd.n_kills} kills")
+            progress(f"{step * duration_s / 10:.0f} of {duration_s:.0f} s, {endings.total()} matches, {generator.n_kills} kills")
             n_matches.append(endings.total())
             if step / 10 >= _SETTLED:
                 memory.append(_peak_mb())
-        crowd.rest()
+        generator.stop_kills()
         pit.stop()
 
     clock = Thread(target=keep_time, name="clock")
@@ -145,16 +147,16 @@ def _serve(progress: Progress, settings: PitSettings, ladder: _Watched, crowd: C
         endings.update([ended.result.ending])
         if not has_begun.is_set():  # the time runs from here: to start so many processes takes long
             has_begun.set()
-            crowd.stir()
+            generator.start_kills()
 
     progress("kernels")
-    for policy in set(crowd.entries.values()):
+    for policy in set(generator.entries.values()):
         precompile(load(policy))  # here, and not in twenty processes at once
-    progress(f"{len(crowd.entries)} entries come")
+    progress(f"{len(generator.entries)} entries come")
     clock.start()
-    with crowd:
+    with generator:
         try:
-            pit.run(lambda _: crowd.come(), on_end)
+            pit.run(lambda _: generator.start(), on_end)
         finally:
             is_over.set()
             has_begun.set()
@@ -164,11 +166,11 @@ def _serve(progress: Progress, settings: PitSettings, ladder: _Watched, crowd: C
     waits_s = sorted(ladder.waits_s)
     return {
         "seconds": round(duration_s, 1),
-        "entries": len(crowd.entries),
+        "entries": len(generator.entries),
         "matches": endings.total(),
         "matches_per_s": round(n_matches[-1] / duration_s, 2),
-        "kills": crowd.n_kills,
-        "restarts": crowd.n_restarts,
+        "kills": generator.n_kills,
+        "restarts": generator.n_restarts,
         "forfeits": endings[Termination.FORFEIT],
         "voids": endings[Termination.VOID],
         "wait_p50_s": round(waits_s[len(waits_s) // 2], 2),

@@ -32,7 +32,7 @@ def send_command(address: Address, authority: Path | None, identity: Identity, n
                 f"the pit's key is {to_text(challenge.pit_key)}, and this is {identity.fingerprint}; name the --data of that pit"
             )
         attempt = Attempt(identity, address.pit, challenge, AdminRequest(command=name, target=target))
-        answer = attempt.open(ask(session, address, topics.join(address.pit), attempt.knock))
+        answer = attempt.open(ask(session, address, topics.join(address.pit), attempt.sealed))
     if isinstance(answer, Done):
         return answer.text
     raise RefusedError(f"the pit says no: {answer.reason if isinstance(answer, Refusal) else 'it answers something else'}")

@@ -7,8 +7,8 @@ A slot is in one of these states, and moves on by what it receives:
                                   |  nobody answers: asks again later      |  silence: asks whether the match still runs
                                   +- Closed: done                          +- Ticket (new keys), Signed (the ending), Wait (gone)
 
-Every question is two queries: Hello, answered by a Challenge, and the sealed request, answered by one of the above. What comes
-over the network counts only once the pit's signature or seal was checked.
+Every question is two queries: ChallengeRequest, answered by a Challenge, and SealedRequest, answered by one of the above. What
+comes over the network counts only once the pit's signature or seal was checked.
 """
 
 import logging
@@ -20,7 +20,7 @@ from arena.game.types import RULES_VERSION
 from arena.protocol import topics
 from arena.protocol.codec import encode
 from arena.protocol.handshake import Attempt, read_challenge
-from arena.protocol.messages import Closed, Hello, JoinRequest, Refusal, Signed, Ticket, Wait
+from arena.protocol.messages import ChallengeRequest, Closed, JoinRequest, Refusal, Signed, Ticket, Wait
 from clients import events
 from clients.audit import JournalDownload, audit
 from clients.seat import Seat
@@ -67,7 +67,7 @@ class _Slot:
     question: _Question | None = None
     n_unanswered: int = 0
     has_heard: bool = False
-    """Whether the referee was heard since the last `Clock`."""
+    """Whether the referee was heard since the last `TimePassed`."""
     heard_at_s: float = 0.0
     last_match: str = ""
     """The match that ended here last: a late ticket for it is of no use."""
@@ -95,7 +95,7 @@ class ClientCore:
         self.n_ended = 0
         """Matches that were played to their end."""
         self._connected_at_s: float | None = None
-        """When the first connection was opened."""
+        """When the last connection was opened."""
         self._lost_at_s: float | None = None
         """When the pit was last there; None until it has answered."""
         self._has_answered = False
@@ -118,16 +118,16 @@ class ClientCore:
         """
         self._effects = []
         match event:
-            case events.Delivered():
+            case events.MessageReceived():
                 self._on_delivery(self._slots[event.slot], event.payload, now_s)
-            case events.Clock():
+            case events.TimePassed():
                 self._on_clock(now_s)
-            case events.Replied():
+            case events.ReplyReceived():
                 self._on_reply(event.query, event.payload, now_s)
             case events.Woken():
                 self._ask_policies_again()
             case events.Connected():
-                self._connected_at_s = now_s if self._connected_at_s is None else self._connected_at_s
+                self._connected_at_s = now_s
             case events.Disconnected():
                 self._on_disconnect(event.failure, now_s)
         return self._effects
@@ -198,7 +198,7 @@ class ClientCore:
             self._finish(slot)
         elif slot.question is None:
             limit_s = ANSWER_S if slot.session is None else PROBE_S
-            query = self._query(topics.join(self._settings.pit), encode(Hello()), limit_s)
+            query = self._query(topics.join(self._settings.pit), encode(ChallengeRequest()), limit_s)
             slot.question = _Question(query, now_s, limit_s)
 
     def _query(self, key: str, payload: bytes, timeout_s: float) -> int:
@@ -220,7 +220,7 @@ class ClientCore:
                 else:
                     is_answered = self._on_answer(slot, question.attempt, payload, now_s)
                 if not is_answered:
-                    slot.n_unanswered += 1  # asked again at the next `Clock`
+                    slot.n_unanswered += 1  # asked again at the next `TimePassed`
 
     def _on_challenge(self, slot: _Slot, limit_s: float, payload: bytes, now_s: float) -> bool:
         """Send the request, if the pit is the one that was meant; return whether a pit made the challenge."""
@@ -245,7 +245,7 @@ class ClientCore:
             invite=settings.invite,
         )
         attempt = Attempt(settings.identity, settings.pit, challenge, request)
-        query = self._query(topics.join(settings.pit), attempt.knock, limit_s)
+        query = self._query(topics.join(settings.pit), attempt.sealed, limit_s)
         slot.question = _Question(query, now_s, limit_s, attempt)
         return True
 

@@ -24,12 +24,12 @@ class Disconnected:
 
 
 @dataclass(frozen=True, slots=True)
-class Clock:
+class TimePassed:
     """Some time has passed over a connection that still stands."""
 
 
 @dataclass(frozen=True, slots=True)
-class Delivered:
+class MessageReceived:
     """A message arrived on the observation key of a slot's seat."""
 
     slot: int
@@ -37,7 +37,7 @@ class Delivered:
 
 
 @dataclass(frozen=True, slots=True)
-class Replied:
+class ReplyReceived:
     """A query has its answer."""
 
     query: int
@@ -50,14 +50,14 @@ class Woken:
     """A policy that raised `Thinking` may have its answer now."""
 
 
-Event = Connected | Disconnected | Clock | Delivered | Replied | Woken
+Event = Connected | Disconnected | TimePassed | MessageReceived | ReplyReceived | Woken
 
 # Effects
 
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """Query a key of the pit; the answer, or its absence, is to come back as `Replied`."""
+    """Query a key of the pit; the answer, or its absence, is to come back as `ReplyReceived`."""
 
     id: int
     key: str

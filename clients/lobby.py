@@ -7,14 +7,14 @@ from arena.network.session import Session
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import read_challenge
-from arena.protocol.messages import Challenge, Hello, Lobby, Signed
+from arena.protocol.messages import Challenge, ChallengeRequest, Lobby, Signed
 from arena.protocol.signed import read_statement
 from clients.audit import JournalDownload
 
 
 def ask_challenge(session: Session, address: Address) -> Challenge:
     """Return the pit's keys; that it holds them was checked, not who it is."""
-    return read_challenge(address.pit, ask(session, address, topics.join(address.pit), encode(Hello())))
+    return read_challenge(address.pit, ask(session, address, topics.join(address.pit), encode(ChallengeRequest())))
 
 
 def ask_lobby(session: Session, address: Address, pit_key: bytes) -> Lobby:

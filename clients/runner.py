@@ -14,7 +14,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from arena.errors import LostPitError
-from arena.network.session import Collector, Put, Sample, Session, is_beat, open_client, read_payload
+from arena.network.session import Collector, Put, Sample, Session, is_heartbeat, open_client, read_payload
 from arena.protocol import topics
 from arena.protocol.messages import Ticket
 from arena.records.transcript import TranscriptHeader, TranscriptWriter, transcript_name
@@ -105,7 +105,7 @@ class Runner:
                 now_s = time.monotonic()
                 if now_s - checked_at_s > TICK_S:
                     checked_at_s = now_s
-                    if not session.is_connected() or not self._carry_out(core.receive(events.Clock(), now_s)):
+                    if not session.is_connected() or not self._carry_out(core.receive(events.TimePassed(), now_s)):
                         return
                 event = self._wait()
                 if event is not None:
@@ -121,7 +121,7 @@ class Runner:
             if channel is None or channel.collector is None:
                 return self._inbox.get(timeout=TICK_S)()
             sample = channel.collector.wait()
-            return self._inbox.get_nowait()() if is_beat(sample) else _deliver(0, sample)
+            return self._inbox.get_nowait()() if is_heartbeat(sample) else _deliver(0, sample)
         except Empty:
             return None
 
@@ -137,7 +137,7 @@ class Runner:
                 case events.Publish():
                     self._channels[effect.slot].put(effect.payload)
                 case events.Query():
-                    on_reply = partial(self._enqueue, events.Replied, effect.id)
+                    on_reply = partial(self._enqueue, events.ReplyReceived, effect.id)
                     self._session.ask(effect.key, effect.payload, on_reply, effect.timeout_s)
                 case events.OpenSeat():
                     self._open(effect)
@@ -170,7 +170,7 @@ class Runner:
             return
         channel.collector = session.collect(key, MOST_WAITING)
         channel.closing.callback(channel.collector.end)
-        channel.closing.callback(session.beat(key, TICK_S))
+        channel.closing.callback(session.heartbeat(key, TICK_S))
 
     def _close(self, slot: int) -> None:
         self._channels.pop(slot).closing.close()
@@ -196,4 +196,4 @@ class Runner:
 
 
 def _deliver(slot: int, sample: Sample) -> events.Event:
-    return events.Delivered(slot, read_payload(sample))
+    return events.MessageReceived(slot, read_payload(sample))

@@ -5,12 +5,15 @@ Importing this module registers them: `gymnasium.make("policies.environments:are
 
 from typing import Any
 
-from gymnasium.envs.registration import register
-
-from arena.envs.single import SingleCapture
-from arena.envs.vector import VectorCapture
+from arena.extras import needs
 from arena.policy import BatchFactory
 from policies.registry import load
+
+with needs("envs", "policies.environments"):
+    from gymnasium.envs.registration import register
+
+    from arena.envs.single import SingleCapture
+    from arena.envs.vector import VectorCapture
 
 register(
     id="arena/CaptureTheFlag-v0",

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from arena.errors import PolicyError, UnknownNameError
+from arena.extras import needs
 from arena.policy import BatchFactory, BatchPolicy
 from policies.bot_file import load_bot
 from policies.each_seat import EachSeatFactory, WithoutMemory
@@ -39,6 +40,12 @@ OWN = {
 REFERENCES = {"oracle_rush": "policies.heuristics.oracle_rush:OracleRush"}
 """Cheats: the local venue shows them the whole board. They are never rated, and no other venue seats them."""
 CHECKPOINT = ".safetensors"
+NOT_PACKAGED = {
+    "paper": "the weights of the fighter paper come with the source repository alone, since they have 10 MB: "
+    "name a copy of its policies/weights/paper.safetensors instead, or train them with "
+    "`arena train --method reinforce --curriculum paper`",
+}
+"""What to do about trained fighters that an installed package lacks."""
 
 
 def load(spec: str, *, cheats: bool = False) -> BatchFactory:
@@ -62,13 +69,14 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
         fighter: type[BatchPolicy] = getattr(import_module(module), name)
         return fighter
     if spec.endswith(CHECKPOINT) or spec in shipped():
-        from policies.networks.learned import (
-            load_learned,  # torch takes a second to import: only who plays a network waits for it
-        )
+        with needs("learned", f"the fighter {spec}"):  # torch takes a second to import: only a network's player waits for it
+            from policies.networks.learned import load_learned
 
         return load_learned(Path(spec) if spec.endswith(CHECKPOINT) else shipped()[spec])
     if spec in _installed():
         return _factory(spec, _loaded(_installed()[spec]))
+    if spec in NOT_PACKAGED:
+        raise PolicyError(NOT_PACKAGED[spec])
     raise UnknownNameError("policy", spec, names())
 
 

@@ -7,6 +7,8 @@ them with Gymnasium, our fighters as opponents by name. The names below are hand
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from arena.extras import needs
+
 if TYPE_CHECKING:
     from arena.envs.parallel import ParallelCapture as ParallelCapture
     from arena.envs.parallel import parallel_env as parallel_env
@@ -24,7 +26,8 @@ _HOMES = {
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'arena.envs' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    with needs("envs", f"arena.envs.{name}"):
+        return getattr(import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -17,7 +17,7 @@ from arena.game.types import Team
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Turn:
+class StepResult:
     """What one tick led to, in every row, before any row began anew."""
 
     score: NDArray[np.int32]
@@ -59,7 +59,7 @@ class BatchedEnv:
         """Return what each team sees, in memory that the next call overwrites."""
         return self.games.observe()
 
-    def step(self, orders: dict[Team, NDArray[np.int8]]) -> Turn:
+    def step(self, orders: dict[Team, NDArray[np.int8]]) -> StepResult:
         """Play one tick, and begin anew where a match ended.
 
         Parameters
@@ -71,7 +71,7 @@ class BatchedEnv:
         self._orders[:, self._n_blue :] = orders[Team.RED]
         self.games.step(self._orders)
         field = self.games.state.field
-        turn = Turn(
+        turn = StepResult(
             score=field[:, StateField.SCORE].copy(),
             has_ended=self.games.is_over,
             winner=field[:, StateField.WINNER].copy(),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.envs.render import draw_letters, paint, show
-from arena.envs.spaces import Senses, sense
+from arena.envs.spaces import ObservationDict, team_dict
 from arena.errors import InputError, UnknownNameError
 from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, new_secret, secret_from_seed
@@ -38,12 +38,11 @@ class Episodes:
 
     def __init__(self, ruleset: Ruleset | str, reward: str, render_mode: str | None) -> None:
         self.ruleset = load_rules(ruleset)
-        if reward not in REWARDS:
-            raise UnknownNameError("reward", reward, REWARDS)
+        check_reward(reward)
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise UnknownNameError("render mode", render_mode, RENDER_MODES)
         self._reward, self._render_mode = reward, render_mode
-        self.games = BatchedGame(self.ruleset, 1)
+        self.game = BatchedGame(self.ruleset, 1)
         self._secret, self._n_begun = new_secret(), 0
         self._score = 0
 
@@ -55,28 +54,28 @@ class Episodes:
         if keys is None:
             keys = keys_of(self._secret, self._n_begun)
             self._n_begun += 1
-        self.games.start([0], [keys])
+        self.game.start([0], [keys])
         self._score = 0
         self._show()
 
     @property
     def ending(self) -> Termination:
         """How the match ended; `RUNNING` until then. A match that has not begun counts as ended."""
-        return Termination(int(self.games.state.field[0, StateField.ENDING]))
+        return Termination(int(self.game.state.field[0, StateField.ENDING]))
 
     def check_running(self) -> None:
         """Raise unless a match runs."""
         if self.ending is not Termination.RUNNING:
             raise SteppedError("there is no match to step: it is over, or none was begun; call reset() first")
 
-    def sense(self, team: Team) -> Senses:
+    def observe(self, team: Team) -> ObservationDict:
         """Return what a team knows."""
-        return {name: values[0] for name, values in sense(self.games, team).items()}
+        return {name: values[0] for name, values in team_dict(self.game, team).items()}
 
     def step(self, orders: Mapping[Team, NDArray[np.int8]]) -> float:
         """Play a tick, and return blue's reward; red's is its negative."""
-        self.games.step(np.concatenate([orders[team] for team in Team])[None, :])
-        before, self._score = self._score, int(self.games.state.field[0, StateField.SCORE])
+        self.game.step(np.concatenate([orders[team] for team in Team])[None, :])
+        before, self._score = self._score, int(self.game.state.field[0, StateField.SCORE])
         self._show()
         if self._reward == "score":
             return (self._score - before) / FULL_SCORE
@@ -89,12 +88,12 @@ class Episodes:
     def render(self) -> str | NDArray[np.uint8] | None:
         """Return the true board, as letters or as a picture; None where nobody wants it, or it is shown at every tick."""
         if self._render_mode == "ansi":
-            return draw_letters(self.games.truth(0))
-        return paint(self.games.truth(0)) if self._render_mode == "rgb_array" else None
+            return draw_letters(self.game.truth(0))
+        return paint(self.game.truth(0)) if self._render_mode == "rgb_array" else None
 
     def _show(self) -> None:
         if self._render_mode == "human":
-            show(self.games.truth(0))
+            show(self.game.truth(0))
 
 
 def keys_of(secret: bytes, number: int) -> MatchKeys:
@@ -102,14 +101,21 @@ def keys_of(secret: bytes, number: int) -> MatchKeys:
     return MatchKeys(map_key=derive_map_key(secret, "episode", number), match_key=derive_match_key(secret, f"episode/{number}"))
 
 
+def check_reward(reward: str) -> None:
+    """Raise `UnknownNameError` unless there is such a reward."""
+    if reward not in REWARDS:
+        raise UnknownNameError("reward", reward, REWARDS)
+
+
 def load_rules(ruleset: Ruleset | str) -> Ruleset:
     """Return a ruleset that may have been named."""
     return load(ruleset) if isinstance(ruleset, str) else ruleset
 
 
-def read_orders(actions: Any, n_units: int, who: str) -> NDArray[np.int8]:
-    """Return a team's orders; `SteppedError` unless they are one action per unit."""
+def read_orders(actions: Any, shape: tuple[int, ...], who: str) -> NDArray[np.int8]:
+    """Return orders of a shape whose last axis is that of units; `SteppedError` unless they are one action for each."""
     orders = np.asarray(actions)
-    if orders.shape != (n_units,) or orders.dtype.kind not in "iu" or not np.isin(orders, list(Action)).all():
-        raise SteppedError(f"the actions of {who} must be {n_units} whole numbers from 0 to {max(Action)}, not {actions!r}")
+    if orders.shape != shape or orders.dtype.kind not in "iu" or not np.isin(orders, list(Action)).all():
+        n_orders = " x ".join(map(str, shape))
+        raise SteppedError(f"the actions of {who} must be {n_orders} whole numbers from 0 to {max(Action)}, not {actions!r}")
     return orders.astype(np.int8)

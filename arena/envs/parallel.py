@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from arena.envs.episodes import RENDER_MODES, Episodes, SteppedError, read_orders
-from arena.envs.spaces import Senses, sense_unit, space_of, unit_space
+from arena.envs.spaces import ObservationDict, order_space, team_space, unit_dict, unit_space
 from arena.errors import UnknownNameError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team, Termination
@@ -46,8 +46,8 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
             raise UnknownNameError("kind of agents", agents, AGENTS)
         self._episodes = Episodes(ruleset, reward, render_mode)
         self.render_mode = render_mode
-        self.ruleset = rules = self._episodes.ruleset
-        self._n_units = {team: len(rules.team(team)) for team in Team}
+        self.ruleset = self._episodes.ruleset
+        self._n_units = self._episodes.game.n_units
         self._has_units = agents == "units"
         self._seats: dict[str, tuple[Team, int | None]] = {}
         for team in Team:
@@ -59,11 +59,10 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
         self.action_spaces = {agent: self._actions(team) for agent, (team, _) in self._seats.items()}
 
     def _space(self, team: Team) -> spaces.Dict:
-        return unit_space(self.ruleset, team) if self._has_units else space_of(self.ruleset, team)
+        return unit_space(self.ruleset, team) if self._has_units else team_space(self.ruleset, team)
 
     def _actions(self, team: Team) -> spaces.Space[Any]:
-        n_actions = len(Action)
-        return spaces.Discrete(n_actions) if self._has_units else spaces.MultiDiscrete([n_actions] * self._n_units[team])
+        return spaces.Discrete(len(Action)) if self._has_units else order_space(self.ruleset, team)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return what an agent may observe."""
@@ -75,7 +74,7 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[dict[str, Senses], dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, ObservationDict], dict[str, dict[str, Any]]]:
         """Begin a match; `options["keys"]`, of `MatchKeys`, names one among all that there are."""
         self._episodes.begin(seed, options)
         self.agents = [*self.possible_agents]
@@ -83,7 +82,7 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
 
     def step(
         self, actions: Mapping[str, Any]
-    ) -> tuple[dict[str, Senses], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, ObservationDict], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Play one tick.
 
         Parameters
@@ -119,28 +118,24 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
 
     def state(self) -> NDArray[np.int8]:
         """Return the true board; int8, shape (side, side), codes of the paper's Table 2. For critics, never for those who act."""
-        return self._episodes.games.truth(0)
+        return self._episodes.game.truth(0)
 
-    def _observe(self, agents: list[str]) -> dict[str, Senses]:
-        senses = {team: self._episodes.sense(team) for team in Team}
+    def _observe(self, agents: list[str]) -> dict[str, ObservationDict]:
+        known = {team: self._episodes.observe(team) for team in Team}
         seats = {agent: self._seats[agent] for agent in agents}
-        return {
-            agent: {**senses[team]} if unit is None else sense_unit(senses[team], unit) for agent, (team, unit) in seats.items()
-        }
+        return {agent: {**known[team]} if unit is None else unit_dict(known[team], unit) for agent, (team, unit) in seats.items()}
 
-    def _lives(self, agent: str, observations: Mapping[str, Senses]) -> bool:
+    def _lives(self, agent: str, observations: Mapping[str, ObservationDict]) -> bool:
         return not self._has_units or bool(observations[agent]["self"][-1])
 
     def _read(self, actions: Mapping[str, Any]) -> dict[Team, NDArray[np.int8]]:
         if set(actions) != set(self.agents):
             raise SteppedError(f"there must be actions of {', '.join(self.agents)}, not of {', '.join(actions) or 'nobody'}")
-        if not self._has_units:
-            return {self._seats[agent][0]: read_orders(answer, self._n_of(agent), agent) for agent, answer in actions.items()}
         orders = {team: np.zeros(self._n_units[team], np.int8) for team in Team}
         for agent, answer in actions.items():
             team, unit = self._seats[agent]
-            orders[team][unit] = read_orders([answer], 1, agent)[0]
+            if unit is None:
+                orders[team] = read_orders(answer, orders[team].shape, agent)
+            else:
+                orders[team][unit] = read_orders([answer], (1,), agent)[0]
         return orders
-
-    def _n_of(self, agent: str) -> int:
-        return self._n_units[self._seats[agent][0]]

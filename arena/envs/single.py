@@ -9,16 +9,16 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from arena.envs.episodes import RENDER_MODES, Episodes, read_orders
-from arena.envs.spaces import Senses, space_of
+from arena.envs.spaces import ObservationDict, order_space, team_space
 from arena.errors import UnknownNameError
 from arena.game.ruleset import Ruleset
-from arena.game.types import Action, Team, Termination
+from arena.game.types import Team, Termination
 from arena.policy import BatchFactory
 
 TEAMS = tuple(team.name.lower() for team in Team)
 
 
-class SingleCapture(gymnasium.Env[Senses, NDArray[Any]]):
+class SingleCapture(gymnasium.Env[ObservationDict, NDArray[Any]]):
     """Capture the flag against a fighter.
 
     Parameters
@@ -50,28 +50,30 @@ class SingleCapture(gymnasium.Env[Senses, NDArray[Any]]):
         self._episodes = Episodes(ruleset, reward, render_mode)
         self.render_mode = render_mode
         self.ruleset = rules = self._episodes.ruleset
-        self._n_units = {side: len(rules.team(side)) for side in Team}
+        self._n_units = self._episodes.game.n_units
         self._opponent = opponent(rules, self._team.other, 1)
-        self.observation_space: spaces.Space[Any] = space_of(rules, self._team)
-        self.action_space = spaces.MultiDiscrete([len(Action)] * self._n_units[self._team])
+        self.observation_space: spaces.Space[Any] = team_space(rules, self._team)
+        self.action_space = order_space(rules, self._team)
 
-    def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> tuple[Senses, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[ObservationDict, dict[str, Any]]:
         """Begin a match; `options["keys"]`, of `MatchKeys`, names one among all that there are."""
         super().reset(seed=seed)
         self._episodes.begin(seed, options)
         self._opponent.start(np.zeros(1, np.intp))
-        return self._episodes.sense(self._team), {}
+        return self._episodes.observe(self._team), {}
 
-    def step(self, actions: NDArray[Any]) -> tuple[Senses, float, bool, bool, dict[str, Any]]:
+    def step(self, actions: NDArray[Any]) -> tuple[ObservationDict, float, bool, bool, dict[str, Any]]:
         """Play one tick; `SteppedError` if no match runs, or these are not an action for each unit."""
         self._episodes.check_running()
-        own = read_orders(actions, self._n_units[self._team], self._team.name.lower())
+        own = read_orders(actions, (self._n_units[self._team],), self._team.name.lower())
         theirs = np.zeros((1, self._n_units[self._team.other]), np.int8)
-        self._opponent.act(self._episodes.games.observe()[self._team.other], theirs)
+        self._opponent.act(self._episodes.game.observe()[self._team.other], theirs)
         reward = self._episodes.step({self._team: own, self._team.other: theirs[0]})
         is_over = self._episodes.ending is not Termination.RUNNING
         own_reward = reward if self._team is Team.BLUE else -reward
-        return self._episodes.sense(self._team), own_reward, is_over, False, self._episodes.info()
+        return self._episodes.observe(self._team), own_reward, is_over, False, self._episodes.info()
 
     def render(self) -> Any:
         """Return the true board, as `render_mode` has it."""

@@ -13,7 +13,7 @@ from arena.game.observation_fields import FieldSpec
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Code, Team
 
-Senses = dict[str, NDArray[Any]]
+ObservationDict = dict[str, NDArray[Any]]
 N_TRAITS = 4
 """Of a unit: row, column, type (index into `Ruleset.units`), whether it lives."""
 N_SIGHTED = 3
@@ -21,8 +21,8 @@ N_SIGHTED = 3
 _PUBLIC = {name: spec for name, spec in FIELDS.items() if spec.is_public}
 
 
-def sense(games: BatchedGame, team: Team) -> Senses:
-    """Return what a team knows in every game, freshly made; `space_of` names the parts, which have a leading axis of games."""
+def team_dict(games: BatchedGame, team: Team) -> ObservationDict:
+    """Return what a team knows in every game, freshly made; `team_space` names the parts, which have a leading axis of games."""
     seen, ruleset, side = games.observe()[team], games.ruleset, games.ruleset.side
     kinds = ruleset.team(team)
     types = np.array([ruleset.units.index(kind) for kind in kinds])
@@ -43,7 +43,7 @@ def _places(cell: NDArray[np.int16], side: int) -> tuple[NDArray[np.int16], NDAr
     return cell // side, cell % side
 
 
-def space_of(ruleset: Ruleset, team: Team) -> spaces.Dict:
+def team_space(ruleset: Ruleset, team: Team) -> spaces.Dict:
     """Return the space of what a team knows.
 
     `grid` is the board in the codes of the paper's Table 2, -1 where it is hidden; `units` and `enemies` are rows of `N_TRAITS`
@@ -68,16 +68,21 @@ def _box(spec: FieldSpec, ruleset: Ruleset, team: Team) -> spaces.Box:
     return spaces.Box(values[0], values[-1], spec.shape_of(ruleset, team) or (1,), spec.dtype)
 
 
+def order_space(ruleset: Ruleset, team: Team) -> spaces.MultiDiscrete:
+    """Return the space of a team's orders: an action for each unit."""
+    return spaces.MultiDiscrete([len(Action)] * len(ruleset.team(team)))
+
+
 def unit_space(ruleset: Ruleset, team: Team) -> spaces.Dict:
     """Return the space of what one unit knows: all that its team knows, its own row of `units`, and its `action_mask`."""
-    whole = dict(space_of(ruleset, team).spaces)
+    whole = dict(team_space(ruleset, team).spaces)
     del whole["legal_actions"]
     whole["self"] = spaces.Box(0, max(ruleset.side, len(ruleset.units)), (N_TRAITS,), np.int16)
     whole["action_mask"] = spaces.Box(0, 1, (len(Action),), np.int8)
     return spaces.Dict(whole)
 
 
-def sense_unit(senses: Mapping[str, NDArray[Any]], unit: int) -> Senses:
+def unit_dict(known: Mapping[str, NDArray[Any]], unit: int) -> ObservationDict:
     """Return one unit's part of what its team knows in one match, freshly made."""
-    part = {name: values.copy() for name, values in senses.items() if name != "legal_actions"}
-    return {**part, "self": senses["units"][unit].copy(), "action_mask": senses["legal_actions"][unit].copy()}
+    part = {name: values.copy() for name, values in known.items() if name != "legal_actions"}
+    return {**part, "self": known["units"][unit].copy(), "action_mask": known["legal_actions"][unit].copy()}

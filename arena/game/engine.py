@@ -7,7 +7,6 @@ The local venue, the networked referee, the environments and the replay all play
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +14,8 @@ from numpy.typing import NDArray
 from arena.errors import BoardError
 from arena.game.board import Board, parse_board
 from arena.game.draw import MAX_ATTEMPTS, begin
-from arena.game.kernel import draw_boards, observe, play, renew, sense, step, turn
-from arena.game.keys import KEY_BYTES, MatchKeys, board_key, seat_keys, unit_keys
+from arena.game.kernel import draw_boards, observe, play, sense, step
+from arena.game.keys import KEY_BYTES, MatchKeys, philox_keys
 from arena.game.observation import Observations, make_seen
 from arena.game.ruleset import Ruleset
 from arena.game.state import State, StateField, Tables, TickEvents, Trait, make_state, make_tables
@@ -25,6 +24,8 @@ from arena.jit import bind
 
 WORK_SHAPE = (4, 32)
 _ENDING, _N_DIGESTED = int(StateField.ENDING), int(StateField.SCORE) + 1
+_RUNNING = int(Termination.RUNNING)
+"""As `_ENDING` a plain number: numpy takes microseconds over a member of an enumeration."""
 
 
 def warm(ruleset: Ruleset) -> None:
@@ -70,46 +71,18 @@ class BatchedGame:
             No board could be drawn on which every walking unit reaches the enemy flag.
         """
         rows = np.asarray(games, np.int64)
-        for row, key in zip(rows, keys, strict=True):
-            self.state.key[row] = unit_keys(key.match_key)
-            self._seat_keys[:, row] = seat_keys(key.match_key)
+        drawn = philox_keys(keys)
+        self.state.key[rows] = drawn.unit
+        self._seat_keys[:, rows] = drawn.seat.swapaxes(0, 1)
         if self._board is not None:
             for row in rows:
                 lay_out(self.state, self.tables, int(row), self._board, self.ruleset)
             return
-        map_keys = np.array([board_key(key.map_key) for key in keys], np.uint32).reshape(len(rows), 2)
-        if draw_boards(self.state, self.tables, rows, map_keys, self._rows) >= 0:
-            raise _no_board(self.ruleset)
-
-    def start_streams(self, keys: NDArray[np.uint32]) -> None:
-        """Start a game in every row, with keys from the row's stream; shape (n, 2). For training: `renew` goes on with it."""
-        if self._board is not None:
-            raise ValueError("a ruleset with a board of its own has nothing to draw anew")
-        self.state.stream[:] = keys
-        self.state.field[:, StateField.EPISODE] = -1
-        self.state.field[:, StateField.ENDING] = Termination.TICK_LIMIT
-        self.renew()
-
-    def renew(self) -> int:
-        """Draw every finished game anew; return how many there were."""
-        renewed = renew(self.state, self.tables, self._rows)
-        if renewed < 0:
-            raise _no_board(self.ruleset)
-        return renewed
-
-    def turn(self, orders: NDArray[np.int8]) -> NDArray[np.int8]:
-        """Step, draw finished games anew and return both teams' Table 2 boards, in one call.
-
-        The boards stand in memory that the next call overwrites.
-
-        Returns
-        -------
-        ndarray
-            int8, shape (2 teams, n_games, stride), cells row by row.
-        """
-        if turn(self.state, orders, self.tables, self._work, self._rows, self._boards) < 0:
-            raise _no_board(self.ruleset)
-        return self._boards
+        if draw_boards(self.state, self.tables, rows, drawn.board.copy(), self._rows) >= 0:
+            raise BoardError(
+                f"ruleset {self.ruleset.name}: none of {MAX_ATTEMPTS} boards had room for every unit and a way to the flag for "
+                "each; use a larger side, fewer units or no obstacles"
+            )
 
     def step(self, orders: NDArray[np.int8]) -> None:
         """Play one tick of every running game.
@@ -121,7 +94,8 @@ class BatchedGame:
         """
         if orders.shape != self.state.cell.shape or orders.dtype != np.int8:
             raise ValueError(f"orders must be int8 of shape {self.state.cell.shape}, not {orders.dtype} of {orders.shape}")
-        step(self.state, orders, self.tables, self._work, True)
+        self._orders[:] = orders
+        self._step()
 
     @property
     def events(self) -> TickEvents:
@@ -135,13 +109,21 @@ class BatchedGame:
         return self._seen
 
     @cached_property
+    def _step(self) -> Callable[[], None]:
+        return bind(step, self.state, self._orders, self.tables, self._work, True)
+
+    @cached_property
+    def _sense(self) -> Callable[[], None]:
+        return bind(sense, self.state, self.tables, self._seat_keys, self._boards, self._rows, *self._told)
+
+    @cached_property
     def _play(self) -> Callable[[], None]:
         scratch = self._work, self._seat_keys, self._boards, self._rows
         return bind(play, self.state, self._orders, self.tables, *scratch, *self._told)
 
     def observe(self) -> dict[Team, Observations]:
         """Return what each team sees now, in memory that the next call overwrites; no clock runs, unless the caller sets it."""
-        sense(self.state, self.tables, self._seat_keys, self._boards, self._rows, *self._told)
+        self._sense()
         return self._seen
 
     def observe_without_fog(self) -> dict[Team, Observations]:
@@ -174,7 +156,7 @@ class BatchedGame:
     @property
     def is_over(self) -> NDArray[np.bool_]:
         """Which rows hold no running game; shape (n_games,)."""
-        over: NDArray[np.bool_] = self.state.field[:, StateField.ENDING] != Termination.RUNNING
+        over: NDArray[np.bool_] = self.state.field[:, _ENDING] != _RUNNING
         return over
 
     def has_ended(self, game: int) -> bool:
@@ -217,10 +199,3 @@ def lay_out(state: State, tables: Tables, game: int, board: Board, ruleset: Rule
             state.cell[game, unit] = row * side + column
             unit += 1
     begin(game, state, tables)
-
-
-def _no_board(ruleset: Ruleset) -> Any:
-    return BoardError(
-        f"ruleset {ruleset.name}: none of {MAX_ATTEMPTS} boards had room for every unit and a way to the flag for each; "
-        "use a larger side, fewer units or no obstacles"
-    )

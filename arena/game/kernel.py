@@ -92,43 +92,6 @@ def draw_boards(state: Any, tables: Any, games: Any, map_keys: Any, rows: Any) -
 
 
 @jit()
-def renew(state: Any, tables: Any, rows: Any) -> int:
-    """Draw every finished game anew, with keys from its row's stream; return how many, or -1 if a board could not be drawn."""
-    renewed = 0
-    for game in range(len(state.cell)):
-        if state.field[game, StateField.ENDING] == Termination.RUNNING:
-            continue
-        episode = state.field[game, StateField.EPISODE] + 1
-        state.field[game, StateField.EPISODE] = episode
-        stream = state.stream[game]
-        for purpose in range(2):
-            words = philox(stream, episode, purpose, Purpose.KEY, 0)
-            for team in range(2):
-                state.key[game, purpose, team, 0] = np.uint32(words[2 * team])
-                state.key[game, purpose, team, 1] = np.uint32(words[2 * team + 1])
-        map_words = philox(stream, episode, 2, Purpose.KEY, 0)
-        if draw(game, state, tables, (map_words[0], map_words[1]), rows) < 0:
-            return -1
-        renewed += 1
-    return renewed
-
-
-@jit()
-def turn(state: Any, orders: Any, tables: Any, work: Any, rows: Any, boards: Any) -> int:
-    """Step, draw finished games anew, and write both teams' Table 2 boards: a tick of training, in one call.
-
-    Returns
-    -------
-    int
-        As `renew`.
-    """
-    step(state, orders, tables, work, True)
-    renewed = renew(state, tables, rows)
-    observe(state, tables, boards, rows, True, True)
-    return renewed
-
-
-@jit()
 def draw_seeds(keys: Any, ticks: Any, seeds: Any) -> None:
     """Write each seat's seed of its tick.
 

@@ -21,7 +21,6 @@ class Purpose(IntEnum):
     FIGHT = 1
     BOARD = 2
     SEED = 3
-    KEY = 4
 
 
 _ROUNDS = 10

@@ -32,8 +32,6 @@ class StateField(IntEnum):
     RED_FLAG = 5
     BLUE_LIVING = 6
     RED_LIVING = 7
-    EPISODE = 8
-    """Games that this row has held before, where finished games are drawn anew."""
 
 
 class Event(IntEnum):
@@ -57,8 +55,6 @@ class State(NamedTuple):
     """Shape (n, len(StateField))."""
     key: NDArray[np.uint32]
     """Shape (n, 2 purposes, 2 teams, 2): Philox keys of each team's moves, and of its fights."""
-    stream: NDArray[np.uint32]
-    """Shape (n, 2): Philox key from which a row that is drawn anew takes the keys of its next game."""
 
     event: NDArray[np.int32]
     """Shape (n, len(Event), units): the tick that last did it to a unit, as counted after it; -1 for none. No flags, so that a
@@ -134,7 +130,6 @@ def make_state(ruleset: Ruleset, n_games: int) -> State:
         alive=np.zeros((n_games, n_units), np.uint8),
         field=np.zeros((n_games, len(StateField)), np.int32),
         key=np.zeros((n_games, 2, 2, 2), np.uint32),
-        stream=np.zeros((n_games, 2), np.uint32),
         event=np.full((n_games, len(Event), n_units), -1, np.int32),
     )
 

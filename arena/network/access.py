@@ -1,4 +1,4 @@
-"""What a router lets clients do, and the certificates by which they know it."""
+"""What a router lets clients do, and the certificates by which clients know the router."""
 
 import ssl
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from arena.protocol import topics
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificate:
-    """What a pit shows to those who connect by TLS: two PEM files."""
+    """What a pit presents to clients that connect by TLS: two PEM files."""
 
     certificate: Path
     """The chain, the pit's own certificate first; its names must hold the host that clients connect to."""
@@ -22,7 +22,7 @@ class Certificate:
 
 
 def check_certificate(given: Certificate) -> None:
-    """Refuse what Zenoh would refuse without a word that helps."""
+    """Refuse, with a reason, what Zenoh would refuse without one."""
     for path in (given.certificate, given.key):
         _check_readable(path)
     try:
@@ -65,18 +65,18 @@ def access_rules(pit: str) -> dict[str, Any]:
     """Return the rules for whoever connects: what is not allowed here is denied.
 
     A key expression is allowed where a rule's includes all of it, so `**` is refused as a whole. What leaves the router must be
-    allowed too: a client that has not heard that somebody subscribes to its publisher's key sends nothing.
+    allowed too: a client sends nothing until it knows that somebody subscribes to its publisher's key.
     """
-    asked = [topics.join(pit), topics.lobby(pit), topics.all_journals(pit)]
-    told = [topics.all_observations(pit), topics.all_public(pit), topics.all_truths(pit)]
+    queried = [topics.join(pit), topics.lobby(pit), topics.all_journals(pit)]
+    published = [topics.all_observations(pit), topics.all_public(pit), topics.all_truths(pit)]
     allowed = {
-        "ask": ("ingress", ["query"], asked),
-        "be answered": ("egress", ["declare_queryable", "reply"], asked),
-        "act": ("ingress", ["put"], [topics.all_actions(pit)]),
-        "be listened to": ("egress", ["declare_subscriber"], [topics.all_actions(pit)]),
-        "listen": ("ingress", ["declare_subscriber"], told),
-        "be told": ("egress", ["put"], told),
-        "be present": ("ingress", ["liveliness_token"], [topics.all_presence(pit)]),
+        "query": ("ingress", ["query"], queried),
+        "receive replies": ("egress", ["declare_queryable", "reply"], queried),
+        "publish orders": ("ingress", ["put"], [topics.all_actions(pit)]),
+        "learn of subscribers": ("egress", ["declare_subscriber"], [topics.all_actions(pit)]),
+        "subscribe": ("ingress", ["declare_subscriber"], published),
+        "receive samples": ("egress", ["put"], published),
+        "declare presence": ("ingress", ["liveliness_token"], [topics.all_presence(pit)]),
     }
     return {
         "enabled": True,

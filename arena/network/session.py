@@ -1,8 +1,6 @@
-"""Zenoh, and nothing else of ours knows it: a session, its publishers, and callbacks that only pass bytes on.
+"""Zenoh sessions: publishers, subscribers, queries and presence, with callbacks that only pass bytes on.
 
-Set as measured on 1.10: congestion control BLOCK, since DROP lost turns under load; a peer that does not read is waited for
-50 ms and then cut off, since it held `put` for 5 s; no scouting, so that nobody meets by accident; no shared memory, by which
-10 MB from the same machine got past the bound on the size of messages.
+No other module of ours imports `zenoh`. Why each setting is what it is stands beside it, as measured on 1.10.
 """
 
 import json
@@ -23,36 +21,46 @@ from arena.protocol.codec import MOST_BYTES
 
 Put = Callable[[bytes], None]
 Sample = zenoh.Sample
-"""What was heard; `read_key` and `read_payload` take it apart, on the thread that wants to know."""
-_WAIT_BEFORE_CLOSE_US = 50_000
-_BATCHES = 16
-"""In the queue of each peer: the most that Zenoh allows, so that a peer that waits for a busy core is not cut off."""
+"""A message of a subscription; `read_key` and `read_payload` take it apart, on the thread that handles it."""
 _OPEN_TIMEOUT_MS = 6_000
 _MOST_WIRE_BYTES = MOST_BYTES + 4_000
 """Of a message and its frame, put together from fragments; a longer one is dropped, and its sender stays connected."""
+_COMMON = {
+    # Nobody meets by accident: clients connect to the pit that they name.
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    # A peer that does not read is waited for this long, in microseconds, and then cut off: it held `put` for 5 s.
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": 50_000,
+    # Batches in the queue of each peer: the most that Zenoh allows, so that a peer that waits for a busy core is not cut off.
+    "transport/link/tx/queue/size/data": 16,
+    # By shared memory, 10 MB from the same machine got past the bound on the size of messages.
+    "transport/shared_memory/enabled": False,
+    # There a router would show who is connected.
+    "adminspace/enabled": False,
+}
 
 
-class Question:
-    """A query that waits for its answer; it may be answered later, from any thread."""
+class Query:
+    """A query that waits for its answer, which may come later and from any thread."""
 
     def __init__(self, query: zenoh.Query, key: str) -> None:
         self._query, self._key = query, key
         self.key = str(query.key_expr)
-        """What was asked for; where many keys are answered, one of them, or an expression."""
+        """The key that was asked for: where an expression is answered, one of its keys, or an expression too."""
         self.payload = _bytes(query.payload) if query.payload is not None else b""
 
     def answer(self, payload: bytes) -> None:
-        """Answer, and be done with it."""
-        with suppress(zenoh.ZError):  # whoever asked may be gone
+        """Send the one answer."""
+        with suppress(zenoh.ZError):  # the other side may be gone
             self._query.reply(self.key if "*" in self._key else self._key, payload, express=True)
         self._query.drop()
 
     def drop(self) -> None:
-        """Leave it without an answer."""
+        """Leave the query without an answer."""
         self._query.drop()
 
 
-OnQuestion = Callable[[Question], None]
+OnQuery = Callable[[Query], None]
 
 
 class Session:
@@ -61,13 +69,13 @@ class Session:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._routers = self._find_routers()
-        self._tokens: list[zenoh.LivelinessToken] = []  # one that nobody holds is withdrawn
+        self._tokens: list[zenoh.LivelinessToken] = []  # held, since Zenoh withdraws what is garbage
 
     def _find_routers(self) -> list[str]:
         return [str(router) for router in self._session.info.routers_zid()]
 
     def is_connected(self) -> bool:
-        """Whether this client still has the router that it connected to, and not another that took its place."""
+        """Whether the router that this client connected to is still there, and no other has taken its place."""
         routers = self._find_routers()
         self._routers = self._routers or routers  # one that only just opened may not know its router yet
         return bool(routers) and routers == self._routers
@@ -79,27 +87,28 @@ class Session:
         self._session.close()
 
     def publisher(self, key: str) -> tuple[Put, Callable[[], None]]:
-        """Return what publishes on `key`, and what ends it."""
+        """Return what publishes on `key`, and what undeclares it."""
         publisher = self._declare_publisher(key)
         return publisher.put, publisher.undeclare
 
     def broadcast(self, key: str) -> "Broadcast":
-        """Return what publishes on `key`, and knows whether anybody listens."""
+        """Return a publisher on `key` that knows whether it has subscribers."""
         return Broadcast(self._declare_publisher(key))
 
     def _declare_publisher(self, key: str) -> zenoh.Publisher:
+        # BLOCK: the default, DROP, lost turns under load. Express: a turn is not kept back to fill a batch.
         return self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
 
     def subscribe(self, key: str, on_sample: Callable[[Sample], None]) -> Callable[[], None]:
-        """Pass on every sample of `key`, on a thread of Zenoh's, so it may only be enqueued; return what ends it."""
+        """Call `on_sample` with each sample, on a thread of Zenoh's, so it may only enqueue; return what unsubscribes."""
         return self._session.declare_subscriber(key, Callback(on_sample, indirect=False)).undeclare
 
     def collect(self, key: str, most: int) -> "Collector":
-        """Collect the samples of `key` outside Python, where no thread fights for the interpreter; the oldest of too many go."""
+        """Subscribe with a queue outside Python, where no thread fights for the interpreter; beyond `most`, the oldest go."""
         return Collector(self._session.declare_subscriber(key, RingChannel(most)))
 
-    def beat(self, key: str, period_s: float) -> Callable[[], None]:
-        """Put an empty sample on `key`, for this session alone, every `period_s`; return what ends it."""
+    def heartbeat(self, key: str, period_s: float) -> Callable[[], None]:
+        """Publish an empty sample to this session alone every `period_s`, to wake a `Collector`; return what stops it."""
         put = self._session.declare_publisher(key, allowed_destination=zenoh.Locality.SESSION_LOCAL).put
         stopped = Event()
 
@@ -110,25 +119,25 @@ class Session:
 
         def end() -> None:
             stopped.set()
-            thread.join()  # one that is caught within Zenoh when the interpreter ends takes the process down
+            thread.join()  # a thread within Zenoh when the interpreter ends takes the process down
 
-        thread = Thread(target=run, name="beat", daemon=True)
+        thread = Thread(target=run, name="heartbeat", daemon=True)
         thread.start()
         return end
 
-    def answer(self, key: str, on_question: OnQuestion) -> Callable[[], None]:
-        """Pass on every query of `key`; return what ends it."""
+    def answer(self, key: str, on_query: OnQuery) -> Callable[[], None]:
+        """Call `on_query` with every query of `key`; return what undeclares it."""
 
-        def heard(query: zenoh.Query) -> None:
-            on_question(Question(query, key))
+        def received(query: zenoh.Query) -> None:
+            on_query(Query(query, key))
 
-        return self._session.declare_queryable(key, Callback(heard, indirect=False)).undeclare
+        return self._session.declare_queryable(key, Callback(received, indirect=False)).undeclare
 
     def ask(self, key: str, payload: bytes, on_answer: Callable[[bytes], None], timeout_s: float) -> None:
-        """Ask, and pass the answer on; nothing but b"" is passed on if nobody is there to answer, or none does in time."""
+        """Send a query, and call `on_answer` with the answer; with b"" if nobody answers in time."""
         answers = []
 
-        def heard(reply: zenoh.Reply) -> None:
+        def replied(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
                 answers.append(_bytes(reply.ok.payload))
                 on_answer(answers[0])
@@ -137,14 +146,14 @@ class Session:
             if not answers:
                 on_answer(b"")
 
-        self._session.get(key, Callback(heard, ended, indirect=False), payload=payload, timeout=timeout_s)
+        self._session.get(key, Callback(replied, ended, indirect=False), payload=payload, timeout=timeout_s)
 
     def declare_presence(self, key: str) -> None:
-        """Say that this process is there, until the session ends."""
+        """Show that this process is there, until the session ends."""
         self._tokens.append(self._session.liveliness().declare_token(key))
 
     def watch_presence(self, key: str, on_change: Callable[[str, bool], None]) -> Callable[[], None]:
-        """Pass on who came (True) and who went (False), those who are there already first."""
+        """Call `on_change` with the key of each process that comes (True), those that are there first, or goes (False)."""
 
         def changed(sample: zenoh.Sample) -> None:
             on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
@@ -153,27 +162,27 @@ class Session:
 
 
 class Broadcast:
-    """A publisher for whoever listens; often that is nobody, and then nothing need be made to be sent."""
+    """A publisher that often has no subscribers, so that nothing need be made to be sent."""
 
     def __init__(self, publisher: zenoh.Publisher) -> None:
         self.put: Put = publisher.put
         self.end: Callable[[], None] = publisher.undeclare
-        self.is_heard: bool = False
+        self.has_subscribers: bool = False
         self._listener = publisher.declare_matching_listener(Callback(self._on_change, indirect=False))
-        self.is_heard = self.is_heard or publisher.matching_status.matching  # type: ignore[attr-defined]  # Zenoh types it as bool
+        self.has_subscribers = self.has_subscribers or publisher.matching_status.matching  # type: ignore[attr-defined]  # Zenoh types it as bool
 
     def _on_change(self, status: zenoh.MatchingStatus) -> None:
-        self.is_heard = status.matching
+        self.has_subscribers = status.matching
 
 
 class Collector:
-    """Samples that wait to be read, by one thread."""
+    """The samples of a subscription in a queue outside Python, for one thread to read."""
 
     def __init__(self, subscriber: Any) -> None:
         self.wait: Callable[[], Sample] = subscriber.recv
         """Return the next sample, however long it takes."""
         self.take: Callable[[], Sample | None] = subscriber.try_recv
-        """Return the next sample that is there, or None."""
+        """Return the next sample if there is one, or None."""
         self.end: Callable[[], None] = subscriber.undeclare
 
 
@@ -182,8 +191,8 @@ def read_key(sample: Sample) -> str:
     return str(sample.key_expr)
 
 
-def is_beat(sample: Sample) -> bool:
-    """Whether a sample is of `Session.beat`, or as empty as one."""
+def is_heartbeat(sample: Sample) -> bool:
+    """Whether a sample is of `Session.heartbeat`, or as empty as one."""
     return len(sample.payload) == 0
 
 
@@ -252,17 +261,8 @@ def _is_encrypted(endpoint: str) -> bool:
 
 def _open(mode: str, settings: dict[str, Any], failure: str) -> Session:
     config = zenoh.Config()
-    common = {
-        "mode": mode,
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/link/tx/queue/congestion_control/block/wait_before_close": _WAIT_BEFORE_CLOSE_US,
-        "transport/link/tx/queue/size/data": _BATCHES,
-        "transport/shared_memory/enabled": False,
-        "adminspace/enabled": False,
-    }
     try:
-        for key, value in {**common, **settings}.items():
+        for key, value in {"mode": mode, **_COMMON, **settings}.items():
             config.insert_json5(key, json.dumps(value))
     except zenoh.ZError as error:
         raise InputError(f"{failure}: {error}") from error

@@ -4,7 +4,7 @@ from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey
 
 from arena.errors import ForgedError
 from arena.protocol.codec import encode
-from arena.protocol.handshake import Caller, new_secret, open_knock, sign_challenge
+from arena.protocol.handshake import Caller, new_secret, open_request, sign_challenge
 from arena.protocol.identity import Identity
 
 EPOCH_S = 15.0
@@ -25,7 +25,7 @@ class Authenticator:
         self._ends_s = -EPOCH_S
 
     def challenge(self, now_s: float) -> bytes:
-        """Return the answer to every Hello of this epoch: it costs nothing to give."""
+        """Return the answer to every ChallengeRequest of this epoch: it costs nothing to give."""
         if now_s >= self._ends_s:
             self._turn_over(now_s)
         return self._challenge
@@ -43,10 +43,10 @@ class Authenticator:
         Raises
         ------
         ProtocolError
-            The request does not open, see `open_knock`; or it was made too long ago, or was seen before.
+            The request does not open, see `open_request`; or it was made too long ago, or was seen before.
         """
         self.challenge(now_s)
-        caller = open_knock(payload, self.pit, self.identity.public, self._private)
+        caller = open_request(payload, self.pit, self.identity.public, self._private)
         used = self._used.get(caller.request.challenge)
         if used is None:
             raise ForgedError("a request answers no challenge of the last seconds")

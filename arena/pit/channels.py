@@ -28,9 +28,9 @@ class MatchChannels:
 
     def publish_tick(self, effect: PublishTick) -> None:
         """Publish what somebody subscribed to."""
-        if self._public.is_heard:
+        if self._public.has_subscribers:
             self._public.put(effect.make_public())
-        if effect.make_truth is not None and self._truth.is_heard:
+        if effect.make_truth is not None and self._truth.has_subscribers:
             self._truth.put(effect.make_truth())
 
     def publish_ending(self, effect: PublishEnding) -> None:

@@ -41,7 +41,7 @@ from arena.pit.register import Register
 from arena.pit.request_queue import RequestQueue
 from arena.pit.seating import Seating
 from arena.protocol.codec import decode, encode
-from arena.protocol.messages import AdminRequest, Hello, Knock, Lobby, Refusal
+from arena.protocol.messages import AdminRequest, ChallengeRequest, Lobby, Refusal, SealedRequest
 from arena.records.framing import rules_values
 
 MOST_LISTED = 150
@@ -67,7 +67,7 @@ class PitCore:
         self.n_refused = 0
         """Requests that did not open, or were not signed by whom they name."""
         self._handlers: dict[type[Event], Callable[[Any, float], list[Effect]]] = {
-            ActionReceived: self._on_action,
+            ActionReceived: self._matches.receive,
             JoinAsked: self._on_join,
             LobbyAsked: self._on_lobby,
             JournalAsked: self._on_journal,
@@ -112,18 +112,15 @@ class PitCore:
         """Whether no client is present, as far as they declare it, and no match waits for its receipts."""
         return not self._present and not self._matches.has_closing
 
-    def _on_action(self, event: ActionReceived, now_s: float) -> list[Effect]:
-        return self._matches.receive(*event, now_s)
-
     def _on_join(self, event: JoinAsked, now_s: float) -> list[Effect]:
         """Answer at once what costs nothing; let a sealed request wait."""
         try:
             message = decode(event.payload)
         except ProtocolError as error:
             return [Reply(event.question, encode(Refusal(reason=f"the request cannot be read: {error}")))]
-        if isinstance(message, Hello):
+        if isinstance(message, ChallengeRequest):
             return [Reply(event.question, self._authenticator.challenge(now_s))]
-        if not isinstance(message, Knock):
+        if not isinstance(message, SealedRequest):
             return [Reply(event.question, encode(Refusal(reason="this is no request for a seat")))]
         return [] if self._requests.put(event) else [Drop(event.question)]
 

@@ -122,7 +122,8 @@ class MatchSession:
         """Take a message on a seat's key. Junk is counted, and uses up nothing of the seat's."""
         message = self._open(team, payload)
         if type(message) is Orders:
-            return self.carry(self.match.submit(team, message.tick, message.actions, now_s))
+            match_effects = self.match.submit(team, message.tick, message.actions, now_s)
+            return self.carry(match_effects) if match_effects else []
         if type(message) is Ready:
             return [*self._send_history(team, message.known_ticks), *self.carry(self.match.ready(team, now_s))]
         if message is not None:
@@ -152,7 +153,9 @@ class MatchSession:
         effects: list[Effect] = []
         for effect in match_effects:
             if type(effect) is Ask:
-                effects += self._send_turn(effect)
+                sealed = self._seal_turn(effect)
+                if sealed is not None:
+                    effects.append(Send(self.id, effect.team, sealed))
             elif type(effect) is Write:
                 effects.append(Append(self.id, effect.data))
             elif type(effect) is Publish:
@@ -180,13 +183,13 @@ class MatchSession:
             self.match.garble(team)
         return None
 
-    def _send_turn(self, ask: Ask) -> list[Effect]:
+    def _seal_turn(self, ask: Ask) -> bytes | None:
         seat = self.seats[ask.team]
         if seat.sealer is None:
-            return []
+            return None
         if seat.sent[0] != ask.tick:
             seat.sent = ask.tick, seat.sealer.close(encode(Turn(tick=ask.tick, observation=ask.observation)), ask.tick)
-        return [Send(self.id, ask.team, seat.sent[1])]
+        return seat.sent[1]
 
     def _send_history(self, team: Team, known_ticks: int) -> list[Effect]:
         """Send what a seat was shown before it came back, in pieces that fit a message."""

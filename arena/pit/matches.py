@@ -12,7 +12,7 @@ from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.pit.archive import MOST_KEPT, Archive
 from arena.pit.effects import CloseMatch, Effect, MatchEnded, OpenMatch
-from arena.pit.events import JournalAsked, UnfinishedFound
+from arena.pit.events import ActionReceived, JournalAsked, UnfinishedFound
 from arena.pit.match_session import MatchSession, PitContext
 from arena.pit.register import Register
 from arena.pit.seating import Pairing, Seating
@@ -89,11 +89,13 @@ class Matches:
         logger.info("resumed %s at tick %d", match.header.identity, match.tick)
         return [OpenMatch(session.id, found.name, found.n_bytes), *self._settle(session, session.carry(match_effects), now_s)]
 
-    def receive(self, match: str, team: Team, payload: bytes, now_s: float) -> list[Effect]:
+    def receive(self, event: ActionReceived, now_s: float) -> list[Effect]:
         """Take a message on a seat's key."""
+        match, team, payload = event
         session = self._running.get(match)
         if session is not None:
-            return self._settle(session, session.receive(team, payload, now_s), now_s)
+            effects = session.receive(team, payload, now_s)
+            return effects if session.ending is None else self._settle(session, effects, now_s)
         closing = self._closing.get(match)
         if closing is None:
             return []

@@ -14,7 +14,7 @@ from arena.errors import UnreadableError
 from arena.game.ruleset import Ruleset
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
-from arena.network.session import Question, Sample, Session, read_key, read_payload
+from arena.network.session import Query, Sample, Session, read_key, read_payload
 from arena.pit.channels import MatchChannels
 from arena.pit.core import PitCore
 from arena.pit.effects import (
@@ -54,6 +54,12 @@ MOST_WAITING = 10_000
 """Messages in a queue; what comes beyond is dropped, and asked for again."""
 _MOST_JUNK = 256  # messages beyond two of each match that are handed in before something else is done
 _SWEEP_S = 0.01
+_IN_MATCH: dict[type[Effect], Callable[[MatchChannels, Any], None]] = {
+    Append: MatchChannels.append,
+    Send: MatchChannels.send,
+    PublishTick: MatchChannels.publish_tick,
+    PublishEnding: MatchChannels.publish_ending,
+}
 
 
 class Referee:
@@ -76,16 +82,12 @@ class Referee:
         self._register = register or Register()
         self._core = PitCore(context, ruleset, seating, time_control, self._register)
         self._inbox: SimpleQueue[Callable[[], Event]] = SimpleQueue()
-        self._questions: dict[QuestionId, Question] = {}
+        self._questions: dict[QuestionId, Query] = {}
         self._question_ids = count()
         self._channels: dict[str, MatchChannels] = {}
         self._is_stopping, self._has_failed = False, False
         self.n_dropped = 0
         self._carry_out: dict[type[Effect], Callable[[Any], None]] = {
-            Append: lambda effect: self._channels[effect.match].append(effect),
-            Send: lambda effect: self._channels[effect.match].send(effect),
-            PublishTick: lambda effect: self._channels[effect.match].publish_tick(effect),
-            PublishEnding: lambda effect: self._channels[effect.match].publish_ending(effect),
             OpenMatch: self._open_match,
             CloseMatch: lambda effect: self._channels.pop(effect.match).close(),
             Reply: lambda effect: self._questions.pop(effect.question).answer(effect.payload),
@@ -101,7 +103,7 @@ class Referee:
             lambda key, is_there: self._enqueue(lambda: PresenceChanged(topics.read_presence(key), is_there)),
         )
         self._actions = session.collect(topics.all_actions(pit), MOST_WAITING)
-        self._end_beat = session.beat(topics.beat(pit), _SWEEP_S)
+        self._end_heartbeat = session.heartbeat(topics.beat(pit), _SWEEP_S)
         session.answer(topics.join(pit), self._enqueue_question(lambda id, asked: JoinAsked(id, asked.payload)))
         session.answer(topics.lobby(pit), self._enqueue_question(lambda id, asked: LobbyAsked(id)))
         session.answer(
@@ -146,7 +148,7 @@ class Referee:
 
     def close(self) -> None:
         """Leave every match as it stands: a later referee can resume it."""
-        self._end_beat()
+        self._end_heartbeat()
         if not self._has_failed:  # else the core takes for done what was not
             self._hand_in(Stopped())
 
@@ -168,8 +170,8 @@ class Referee:
         else:
             self.n_dropped += 1
 
-    def _enqueue_question(self, make_event: Callable[[QuestionId, Question], Event]) -> Callable[[Question], None]:
-        def register(question: Question) -> Event:
+    def _enqueue_question(self, make_event: Callable[[QuestionId, Query], Event]) -> Callable[[Query], None]:
+        def register(question: Query) -> Event:
             id = next(self._question_ids)
             self._questions[id] = question
             return make_event(id, question)
@@ -180,8 +182,13 @@ class Referee:
         """Hand an event to the core and carry out what it wants done."""
         effects = self._core.receive(event, time.monotonic())
         try:
+            effect: Any  # of one of two kinds, told by its type, which a dictionary knows and a type checker does not
             for effect in effects:
-                self._carry_out[type(effect)](effect)
+                in_match = _IN_MATCH.get(type(effect))
+                if in_match is not None:
+                    in_match(self._channels[effect.match], effect)
+                else:
+                    self._carry_out[type(effect)](effect)
         except BaseException:
             self._has_failed = True
             raise

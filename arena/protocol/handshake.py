@@ -1,10 +1,10 @@
-"""How a stranger gets a seat: what is sealed and signed between `Hello` and the seat's two keys.
+"""How a stranger gets a seat: what is sealed and signed between `ChallengeRequest` and the seat's two keys.
 
     client                                    pit
-    Hello            ----------------------->
+    ChallengeRequest ----------------------->
                      <-----------------------  Challenge: the pit's keys and a number of this minute, signed by the pit
-    Knock            ----------------------->  a request signed by the entry, sealed to the pit (HPKE, RFC 9180)
-                     <-----------------------  Answer: sealed to a key that only this request knows
+    SealedRequest    ----------------------->  a request signed by the entry, sealed to the pit (HPKE, RFC 9180)
+                     <-----------------------  SealedAnswer: sealed to a key that only this request knows
 
 Both seal with X25519, HKDF-SHA256 and ChaCha20-Poly1305. The keys of the seat come from a secret of each side, and live as long
 as the two processes at most: whoever comes back asks anew.
@@ -22,7 +22,7 @@ from arena.errors import ForgedError, UnreadableError
 from arena.game.types import Team
 from arena.protocol.codec import decode, encode
 from arena.protocol.identity import SIGNATURE_BYTES, Identity, verify
-from arena.protocol.messages import AdminRequest, Answer, Challenge, JoinRequest, Knock, Message
+from arena.protocol.messages import AdminRequest, Challenge, JoinRequest, Message, SealedAnswer, SealedRequest
 from arena.protocol.sealing import Direction, Opener, Sealer, derive_key, seat_context
 
 SECRET_BYTES = 32
@@ -37,13 +37,13 @@ def new_secret() -> bytes:
 
 
 def sign_challenge(pit: str, identity: Identity, sealing_key: bytes, number: bytes) -> Challenge:
-    """Return what the pit says to every Hello of some seconds."""
+    """Return what the pit answers to every ChallengeRequest of some seconds."""
     signature = identity.sign(_CHALLENGE, _challenged(pit, sealing_key, number))
     return Challenge(pit_key=identity.public, sealing_key=sealing_key, number=number, signature=signature)
 
 
 def read_challenge(pit: str, data: bytes) -> Challenge:
-    """Return the answer to a Hello; `ProtocolError` if no pit of this name made it. Which pit it is, only the caller knows."""
+    """Return the challenge in a reply; `ProtocolError` if no pit of this name made it. Which pit it is, only the caller knows."""
     challenge = decode(data)
     if not isinstance(challenge, Challenge):
         raise UnreadableError("the pit answers with something else than its keys")
@@ -79,7 +79,7 @@ class Attempt:
         )
         info = _request_info(pit, challenge.pit_key)
         sealed = _seal(signed + identity.sign(_REQUEST, signed), challenge.sealing_key, info)
-        self.knock = encode(Knock(sealed=sealed))
+        self.sealed = encode(SealedRequest(sealed=sealed))
         """What goes to the pit."""
         self._info = _answer_info(sealed, self._secret)
 
@@ -92,7 +92,7 @@ class Attempt:
             Another than the pit answered, or to another request.
         """
         answer = decode(data)
-        if not isinstance(answer, Answer):
+        if not isinstance(answer, SealedAnswer):
             raise ForgedError("an answer is not sealed")
         try:
             return decode(_SUITE.decrypt(answer.sealed, self._ephemeral, self._info))
@@ -116,7 +116,7 @@ class Caller:
     def answer(self, message: Message) -> bytes:
         """Return the answer, for this caller alone; `ForgedError` if its key is one that nothing can be sealed to."""
         info = _answer_info(self.sealed, self.request.reply_secret)
-        return encode(Answer(sealed=_seal(encode(message), self.request.ephemeral, info)))
+        return encode(SealedAnswer(sealed=_seal(encode(message), self.request.ephemeral, info)))
 
     def sit(self, match: str, team: Team, secret: bytes, multiple: int) -> tuple[Sealer, Opener]:
         """Return how the pit seals observations, each `multiple` bytes long, and opens orders."""
@@ -124,28 +124,28 @@ class Caller:
         return make.sealer(Direction.OBSERVATION, multiple), make.opener(Direction.ACTION)
 
 
-def open_knock(data: bytes, pit: str, pit_key: bytes, sealing_key: X25519PrivateKey) -> Caller:
-    """Return who knocks.
+def open_request(data: bytes, pit: str, pit_key: bytes, sealing_key: X25519PrivateKey) -> Caller:
+    """Return who sent a request.
 
     Raises
     ------
     ProtocolError
         It cannot be read, was sealed to another pit, or was not signed by the entry that it names.
     """
-    knock = decode(data)
-    if not isinstance(knock, Knock):
-        raise ForgedError("this is no knock")
+    envelope = decode(data)
+    if not isinstance(envelope, SealedRequest):
+        raise ForgedError("this is no sealed request")
     try:
-        opened = _SUITE.decrypt(knock.sealed, sealing_key, _request_info(pit, pit_key))
+        opened = _SUITE.decrypt(envelope.sealed, sealing_key, _request_info(pit, pit_key))
     except (InvalidTag, ValueError) as error:
         raise ForgedError("a request does not open: it was sealed to another pit, or to this one before it started") from error
     signed, signature = opened[:-SIGNATURE_BYTES], opened[-SIGNATURE_BYTES:]
     request = decode(signed)
     if not isinstance(request, JoinRequest | AdminRequest) or request.pit_key != pit_key:
-        raise ForgedError("a knock holds no request to this pit")
+        raise ForgedError("what was sealed is no request to this pit")
     verify(request.entry, _REQUEST, signed, signature)
     _public(request.ephemeral)
-    return Caller(request, knock.sealed, pit)
+    return Caller(request, envelope.sealed, pit)
 
 
 @dataclass(frozen=True, slots=True)

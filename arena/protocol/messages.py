@@ -3,10 +3,10 @@
 A match, message by message; `handshake` says how the first four are sealed, `sealing` the rest:
 
     client                          referee
-    Hello         -- query join -->
+    ChallengeRequest -- query join -->
                   <---- reply ----  Challenge
-    Knock         -- query join -->                 a JoinRequest, sealed
-                  <---- reply ----  Answer          a Ticket, or Wait (ask again), or Refusal, or Closed, sealed
+    SealedRequest -- query join -->                 a JoinRequest, sealed
+                  <---- reply ----  SealedAnswer    a Ticket, or Wait (ask again), or Refusal, or Closed, sealed
     Ready         ---- action ---->                 subscribed, policy loaded
                   <- observation -  History         to one who came back: what it was shown, and answered, before
                   <- observation -  Turn            tick by tick
@@ -25,7 +25,7 @@ PROTOCOL_VERSION = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hello:
+class ChallengeRequest:
     """A client asks for the pit's keys."""
 
 
@@ -43,15 +43,15 @@ class Challenge:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Knock:
+class SealedRequest:
     """A request that only the pit can read."""
 
     sealed: bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
-    """What only the one who knocked can read."""
+class SealedAnswer:
+    """What only the sender of the request can read."""
 
     sealed: bytes
 
@@ -294,10 +294,10 @@ class Lobby:
 
 
 Message = (
-    Hello
+    ChallengeRequest
     | Challenge
-    | Knock
-    | Answer
+    | SealedRequest
+    | SealedAnswer
     | JoinRequest
     | AdminRequest
     | Done

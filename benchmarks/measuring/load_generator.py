@@ -1,4 +1,4 @@
-"""A crowd of entries for a bench: each a real `arena join` with a key of its own, killed and started at random."""
+"""Load for a benchmark of the pit: many entries, each a real `arena join` with a key of its own, killed and started at random."""
 
 import os
 import random
@@ -12,7 +12,7 @@ from arena.jit import cache_root
 from arena.network.address import Address
 
 
-class Crowd:
+class LoadGenerator:
     """Processes that end with the `with` block."""
 
     def __init__(self, address: Address, folder: Path, entries: Mapping[str, str], *, kill_every_s: float, most_away_s: float):
@@ -24,27 +24,27 @@ class Crowd:
         self._random = random.Random(0)
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._is_over = Event()
-        self._thread = Thread(target=self._run, name="crowd")
+        self._thread = Thread(target=self._run, name="load generator")
 
-    def __enter__(self) -> "Crowd":
+    def __enter__(self) -> "LoadGenerator":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.rest()
+        self.stop_kills()
         for process in self._processes.values():
             process.kill()
             process.wait()
 
-    def come(self) -> None:
+    def start(self) -> None:
         """Start every entry."""
         self._processes = {name: self._join(name) for name in self.entries}
 
-    def stir(self) -> None:
-        """Begin to kill them, and to start those again who were killed."""
+    def start_kills(self) -> None:
+        """Kill entries at random from now on, and start them again."""
         self._thread.start()
 
-    def rest(self) -> None:
-        """Kill and start nobody any more; whoever is there goes on."""
+    def stop_kills(self) -> None:
+        """Kill and start no more entries; those that run go on."""
         self._is_over.set()
         if self._thread.is_alive():
             self._thread.join()

@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 from arena.game.rules import can_enter, column_after, is_on_board, row_after
 from arena.game.ruleset import UnitType
 from arena.game.types import Action, Code
+from policies.belief.bitrows import UNREACHED
 from policies.tactics.moves import head_for
-from policies.tactics.paths import UNREACHED, downhill, flood
+from policies.tactics.paths import downhill, flood
 
 Cell = tuple[int, int]
 """(row, column)."""
@@ -20,7 +21,7 @@ class Routes:
         self._side = side
         self._ground = np.full((1, side * side), Code.HIDDEN, np.int8)
         self._steps = np.zeros((1, side * side), np.int16)
-        self._queue = np.zeros(side * side, np.int16)
+        self._work = np.zeros((19, 64), np.uint64)
         self.find(UnitType(name="walks", step=1, sight=0), (0, 0), (0, 1), ())  # compiled now, before anybody waits for it
         self.find(UnitType(name="flies", step=1, sight=0, flies=True), (0, 0), (0, 1), ())
 
@@ -51,14 +52,14 @@ class Routes:
             ground[0, row * self._side + column] = Code.OBSTACLE
         if not can_enter(ground[0, self._number(goal)], 0):
             return [], []
-        flood(ground, 0, self._side, self._number(goal), self._steps, self._queue)
+        flood(ground, 0, self._side, self._number(goal), self._steps, self._work)
         actions: list[Action] = []
         cells: list[Cell] = []
         at = start
         if self._steps[0, self._number(at)] == UNREACHED:
             return [], []
         while at != goal:
-            actions.append(Action(downhill(ground, 0, self._side, *at, self._steps)))
+            actions.append(Action(downhill(ground, 0, self._side, self._number(at), self._steps)))
             at = lead(at, actions[-1], 1, self._side)
             cells.append(at)
         return actions, cells

@@ -4,9 +4,8 @@ A set is `side` words of 64 bits: bit c of word r stands for the cell in row r, 
 is always one word, and a step of a breadth-first search is a handful of operations on each row instead of a queue of cells.
 """
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 from arena.game.bits import lowest_bit, popcount
 from arena.jit import jit
@@ -19,25 +18,25 @@ FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
 @jit(inline=True)
-def bit(column: Any) -> Any:
+def bit(column: int) -> np.uint64:
     """Return the word with one column set."""
     return ONE << np.uint64(column)
 
 
 @jit(inline=True)
-def low_bits(n: Any) -> Any:
+def low_bits(n: int) -> np.uint64:
     """Return the word with the first n columns set, n from 0 to 64."""
     return NONE if n <= 0 else FULL >> np.uint64(64 - min(n, 64))
 
 
 @jit(inline=True)
-def has(rows: Any, side: Any, cell: Any) -> Any:
+def has(rows: NDArray[np.uint64], side: int, cell: int) -> bool:
     """Whether a cell is in the set `rows`; uint64, shape (side,)."""
-    return (rows[cell // side] >> np.uint64(cell % side)) & ONE != NONE
+    return bool((rows[cell // side] >> np.uint64(cell % side)) & ONE != NONE)
 
 
 @jit(inline=True)
-def count(rows: Any, side: Any) -> Any:
+def count(rows: NDArray[np.uint64], side: int) -> int:
     """Return how many cells are in a set."""
     n = 0
     for row in range(side):
@@ -46,16 +45,16 @@ def count(rows: Any, side: Any) -> Any:
 
 
 @jit(inline=True)
-def first_cell(rows: Any, side: Any) -> Any:
+def first_cell(rows: NDArray[np.uint64], side: int) -> int:
     """Return the first cell of a set, or -1."""
     for row in range(side):
         if rows[row] != NONE:
-            return row * side + lowest_bit(rows[row])
+            return row * side + int(lowest_bit(rows[row]))
     return -1
 
 
 @jit(inline=True)
-def spread(rows: Any, allowed: Any, side: Any) -> None:
+def spread(rows: NDArray[np.uint64], allowed: NDArray[np.uint64], side: int) -> None:
     """Add to a set the allowed cells that are one step away; in place."""
     above = NONE
     for row in range(side):
@@ -66,7 +65,15 @@ def spread(rows: Any, allowed: Any, side: Any) -> None:
 
 
 @jit()
-def flood(sources: Any, allowed: Any, slow: Any, delay: int, side: int, work: Any, steps: Any) -> None:
+def flood(
+    sources: NDArray[np.uint64],
+    allowed: NDArray[np.uint64],
+    slow: NDArray[np.uint64],
+    delay: int,
+    side: int,
+    work: NDArray[np.uint64],
+    steps: NDArray[np.int16],
+) -> None:
     """Write how long a unit that walks takes from each cell to the nearest of some cells.
 
     Parameters

@@ -1,19 +1,18 @@
-"""What a seat remembers: the ground that it has seen, both flags, and which way the enemy lies.
+"""What a seat sees, and what it remembers: the ground, both flags, which way the enemy lies, and what each unit is about.
 
 Arrays have a leading axis of seats. Kernels take them as named tuples, since numba knows those; all memory belongs to the policy.
 """
 
-from abc import abstractmethod
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arena.game.observation import Observations
-from arena.game.ruleset import Ruleset
-from arena.game.types import FLAGS, HALVES, Code, Team
+from arena.game.types import Code
 from arena.jit import jit
-from arena.policy import BatchPolicy, Orders
+from policies.belief.team_rules import TeamRules
 
 _OBSTACLE = int(Code.OBSTACLE)
 
@@ -33,54 +32,74 @@ class Sight(NamedTuple):
     seed: NDArray[np.uint64]
 
 
-class Facts(NamedTuple):
-    """What a team knows before the first tick. The last four are codes of a cell."""
-
-    side: int
-    flies: NDArray[np.uint8]
-    """Shape (own units,)."""
-    step: NDArray[np.int64]
-    """Shape (own units,): cells per tick."""
-    own_half: int
-    enemy_half: int
-    own_flag: int
-    enemy_flag: int
-
-
-class Memory(NamedTuple):
-    """What was seen since the match began."""
+class SeatMemory(NamedTuple):
+    """What fighters without a `Belief` remember since the match began: the map, and what each unit is about."""
 
     ground: NDArray[np.int8]
-    """Shape (seats, cells): as in `Observations`, HIDDEN where never seen."""
+    """Shape (seats, cells): codes of the ground as last seen, HIDDEN where never seen."""
     own_flag: NDArray[np.int16]
     """Shape (seats,): its cell, -1 until seen."""
     enemy_flag: NDArray[np.int16]
+    """Shape (seats,)."""
     forward: NDArray[np.int8]
     """Shape (seats,): 1 where the enemy's half is the eastern one, -1 where it is the western, 0 before the first tick."""
+    is_map_new: NDArray[np.uint8]
+    """Shape (seats,): whether the enemy's flag or an obstacle was found since `to_flag` was written."""
+    to_flag: NDArray[np.int16]
+    """Shape (seats, cells): steps on foot to the enemy's flag, where a fighter searches for ways."""
     detour: NDArray[np.int16]
-    """Shape (seats, own units): of `moves.head_for`."""
+    """Shape (seats, own units), as all that follow: of `moves.head_for`."""
     sent_from: NDArray[np.int16]
-    """Shape (seats, own units): the cell from which `pursuit.pursue` last sent the unit on, or -1."""
+    """The cell from which `pursuit.pursue` last sent the unit on, or -1."""
+    goal: NDArray[np.int16]
+    """The cell that the unit is going to, or -1."""
+    before: NDArray[np.int16]
+    """The cell where the unit last moved by its heading, or -1."""
+    heading: NDArray[np.int8]
+    """The direction that the unit keeps, STAY before it has one."""
+    leg: NDArray[np.int16]
+    """Legs of its route that the unit has walked."""
+    left: NDArray[np.int16]
+    """Steps left of the leg."""
+    work: NDArray[np.uint64]
+    """Shape (19, 64): scratch of `paths.flood`."""
+
+
+def make_memory(n_seats: int, n_units: int, n_cells: int) -> SeatMemory:
+    """Return memory for some seats, which know nothing yet."""
+
+    def array(*shape: int, kind: type = np.int16) -> NDArray[Any]:
+        return np.zeros((n_seats, *shape), kind)
+
+    memory = SeatMemory(
+        ground=array(n_cells, kind=np.int8), own_flag=array(), enemy_flag=array(), forward=array(kind=np.int8),
+        is_map_new=array(kind=np.uint8), to_flag=array(n_cells), detour=array(n_units), sent_from=array(n_units),
+        goal=array(n_units), before=array(n_units), heading=array(n_units, kind=np.int8), leg=array(n_units), left=array(n_units),
+        work=np.zeros((19, 64), np.uint64),
+    )  # fmt: skip
+    forget_memory(memory, np.arange(n_seats))
+    return memory
+
+
+def forget_memory(memory: SeatMemory, seats: NDArray[np.intp]) -> None:
+    """Make some seats know nothing."""
+    memory.ground[seats] = Code.HIDDEN
+    for unknown in (memory.own_flag, memory.enemy_flag, memory.sent_from, memory.goal, memory.before):
+        unknown[seats] = -1
+    for none in (memory.forward, memory.is_map_new, memory.detour, memory.heading, memory.leg, memory.left):
+        none[seats] = 0
+
+
+_sight_fields = attrgetter(*Sight._fields)
 
 
 def sight_of(observations: Observations) -> Sight:
     """Return the arrays of `observations` as kernels take them: contiguous, or numba would compile for every layout."""
-    return Sight(
-        np.ascontiguousarray(observations.ground),
-        np.ascontiguousarray(observations.cell),
-        np.ascontiguousarray(observations.alive),
-        np.ascontiguousarray(observations.enemy_cell),
-        np.ascontiguousarray(observations.enemy_flies),
-        np.ascontiguousarray(observations.enemy_type),
-        np.ascontiguousarray(observations.tick),
-        np.ascontiguousarray(observations.living),
-        np.ascontiguousarray(observations.score),
-        np.ascontiguousarray(observations.seed),
-    )
+    return Sight(*map(np.ascontiguousarray, _sight_fields(observations)))
 
 
 @jit(inline=True)
-def find(ground: Any, seat: int, n_cells: int, code: int) -> int:
+def find(ground: NDArray[np.int8], seat: int, n_cells: int, code: int) -> int:
     """Return the first cell that shows `code`, or -1."""
     is_there = np.uint8(0)
     for cell in range(n_cells):  # without a way out, so that it runs in vector registers: most often there is none
@@ -93,38 +112,52 @@ def find(ground: Any, seat: int, n_cells: int, code: int) -> int:
 
 
 @jit()
-def remember(seat: int, sight: Any, memory: Any, facts: Any) -> bool:
-    """Add what a seat sees to what it remembers; return whether an obstacle was new."""
-    n_cells = memory.ground.shape[1]
+def remember(
+    seat: int,
+    sight: Sight,
+    ground: NDArray[np.int8],
+    own_flag: NDArray[np.int16],
+    enemy_flag: NDArray[np.int16],
+    forward: NDArray[np.int8],
+    rules: TeamRules,
+) -> bool:
+    """Add what a seat sees to its map; return whether an obstacle was new.
+
+    Parameters
+    ----------
+    ground, own_flag, enemy_flag, forward
+        As in `SeatMemory`; written.
+    """
+    n_cells = ground.shape[1]
     is_new = np.uint8(0)
     for cell in range(n_cells):
-        seen, known = sight.ground[seat, cell], memory.ground[seat, cell]
+        seen, known = sight.ground[seat, cell], ground[seat, cell]
         is_new |= np.uint8(seen == _OBSTACLE) & np.uint8(known != _OBSTACLE)
-        memory.ground[seat, cell] = known if seen < 0 else seen
-    if memory.own_flag[seat] < 0:
-        memory.own_flag[seat] = find(sight.ground, seat, n_cells, facts.own_flag)
-    if memory.enemy_flag[seat] < 0:
-        memory.enemy_flag[seat] = find(sight.ground, seat, n_cells, facts.enemy_flag)
-    if memory.forward[seat] == 0:
-        memory.forward[seat] = _forward(seat, memory.ground, facts)
+        ground[seat, cell] = known if seen < 0 else seen
+    if own_flag[seat] < 0:
+        own_flag[seat] = find(sight.ground, seat, n_cells, rules.own_flag)
+    if enemy_flag[seat] < 0:
+        enemy_flag[seat] = find(sight.ground, seat, n_cells, rules.enemy_flag)
+    if forward[seat] == 0:
+        forward[seat] = _forward(seat, ground, rules)
     return bool(is_new)
 
 
 @jit(inline=True)
-def _forward(seat: int, ground: Any, facts: Any) -> int:
+def _forward(seat: int, ground: NDArray[np.int8], rules: TeamRules) -> int:
     """Return 1 if the own half seems to be the western one, else -1."""
     west = 0
     for cell in range(ground.shape[1]):
         code = ground[seat, cell]
-        is_own, is_enemy = code in (facts.own_half, facts.own_flag), code in (facts.enemy_half, facts.enemy_flag)
-        is_west = 2 * (cell % facts.side) < facts.side
+        is_own, is_enemy = code in (rules.own_half, rules.own_flag), code in (rules.enemy_half, rules.enemy_flag)
+        is_west = 2 * (cell % rules.side) < rules.side
         if is_own or is_enemy:
             west += 1 if is_own == is_west else -1
     return 1 if west > 0 else -1
 
 
 @jit(inline=True)
-def nearest_walker(seat: int, sight: Any, side: int, row: int, column: int) -> int:
+def nearest_walker(seat: int, sight: Sight, side: int, row: int, column: int) -> int:
     """Return the cell of the nearest enemy in sight that walks, or -1; of several, the first."""
     nearest, least = -1, 2 * side
     for enemy in range(sight.enemy_cell.shape[1]):
@@ -135,44 +168,3 @@ def nearest_walker(seat: int, sight: Any, side: int, row: int, column: int) -> i
         if not sight.enemy_flies[seat, enemy] and distance < least:
             nearest, least = cell, distance
     return nearest
-
-
-class RememberingPolicy(BatchPolicy):
-    """A fighter with a `Memory`, forgotten when a match begins."""
-
-    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int) -> None:
-        super().__init__(ruleset, team, n_seats)
-        units = ruleset.team(team)
-        self.facts = Facts(
-            ruleset.side,
-            np.array([unit.flies for unit in units], np.uint8),
-            np.array([unit.step for unit in units], np.int64),
-            int(HALVES[team]), int(HALVES[team.other]), int(FLAGS[team]), int(FLAGS[team.other]),
-        )  # fmt: skip
-        self.memory = Memory(
-            np.full((n_seats, ruleset.side**2), Code.HIDDEN, np.int8),
-            np.full(n_seats, -1, np.int16),
-            np.full(n_seats, -1, np.int16),
-            np.zeros(n_seats, np.int8),
-            np.zeros((n_seats, len(units)), np.int16),
-            np.full((n_seats, len(units)), -1, np.int16),
-        )
-        self._orders = np.zeros((n_seats, len(units)), np.int8)
-
-    def start(self, seats: NDArray[np.intp]) -> None:
-        """Forget what was seen there."""
-        self.memory.ground[seats] = Code.HIDDEN
-        self.memory.own_flag[seats] = -1
-        self.memory.enemy_flag[seats] = -1
-        self.memory.forward[seats] = 0
-        self.memory.detour[seats] = 0
-        self.memory.sent_from[seats] = -1
-
-    def act(self, observations: Observations, orders: Orders) -> None:
-        """Write the orders of all seats."""
-        self.decide(sight_of(observations), self._orders)
-        orders[:] = self._orders
-
-    @abstractmethod
-    def decide(self, sight: Sight, orders: Orders) -> None:
-        """Write the orders of all seats into contiguous memory, and remember."""

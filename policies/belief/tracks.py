@@ -5,25 +5,24 @@ way to give each living enemy a set of its own that contains it. Wherever a set 
 another's, that other gets all that the set held.
 """
 
-from typing import Any
-
 from arena.jit import jit
+from policies.belief.belief import FALLEN, HIDDEN_NOW, Belief
 from policies.belief.bitrows import NONE, bit, count, has, low_bits, spread
+from policies.belief.memory import Sight
+from policies.belief.team_rules import TeamRules
 
-HIDDEN_NOW, FALLEN = -1, -2
-"""Stand in `Belief.enemy_cell` for an enemy out of sight, and for one that is dead."""
 _EVERYWHERE = 64
 """After so many steps an enemy may be anywhere on its side of the walls."""
 
 
 @jit()
-def track(seat: int, sight: Any, belief: Any, known: Any, is_first: bool) -> None:
+def track(seat: int, sight: Sight, belief: Belief, rules: TeamRules, is_first: bool) -> None:
     """Take in where enemies are seen, where none is, and how many live."""
-    side, n_walkers = known.side, belief.enemy_cell.shape[1]
-    living = min(max(int(sight.living[seat, 1]) - known.n_enemy_flyers, 0), n_walkers)
+    side, n_walkers = rules.side, belief.enemy_cell.shape[1]
+    living = min(max(int(sight.living[seat, 1]) - rules.n_enemy_flyers, 0), n_walkers)
     if is_first:
-        _assume(seat, sight, belief, known)
-    n_steps = min((sight.tick[seat] - belief.tick[seat]) * known.enemy_step, _EVERYWHERE)
+        _assume(seat, sight, belief, rules)
+    n_steps = min((sight.tick[seat] - belief.tick[seat]) * rules.enemy_step, _EVERYWHERE)
     for enemy in range(n_walkers):
         if belief.enemy_cell[seat, enemy] == FALLEN:
             continue
@@ -44,23 +43,23 @@ def track(seat: int, sight: Any, belief: Any, known: Any, is_first: bool) -> Non
             for row in range(side):
                 belief.enemy_rows[seat, enemy, row] &= ~belief.in_sight[seat, row] & belief.walkable[seat, row]
     for _ in range(n_tracks - living):
-        _bury(seat, belief, side)
-    _mend(seat, belief, side)
+        _drop_track(seat, belief, side)
+    _restore_lost(seat, belief, side)
     belief.n_enemies[seat] = living
 
 
 @jit()
-def _assume(seat: int, sight: Any, belief: Any, known: Any) -> None:
+def _assume(seat: int, sight: Sight, belief: Belief, rules: TeamRules) -> None:
     """Before the first tick every enemy stands on its own half; later, or with nobody to see which half that is, anywhere."""
     for enemy in range(belief.enemy_cell.shape[1]):
         belief.enemy_cell[seat, enemy] = HIDDEN_NOW
-        for row in range(known.side):
+        for row in range(rules.side):
             is_anywhere = sight.tick[seat] > 0 or sight.cell.shape[1] == 0
-            belief.enemy_rows[seat, enemy, row] = low_bits(known.side) if is_anywhere else belief.enemy_half[seat, row]
+            belief.enemy_rows[seat, enemy, row] = low_bits(rules.side) if is_anywhere else belief.enemy_half[seat, row]
 
 
 @jit()
-def _recognise(seat: int, cell: int, belief: Any, side: int) -> None:
+def _recognise(seat: int, cell: int, belief: Belief, side: int) -> None:
     """Give an enemy in sight the smallest set that it may have come from."""
     chosen, least, is_known = -1, 0, False
     for enemy in range(belief.enemy_cell.shape[1]):
@@ -83,7 +82,7 @@ def _recognise(seat: int, cell: int, belief: Any, side: int) -> None:
 
 
 @jit()
-def _bury(seat: int, belief: Any, side: int) -> None:
+def _drop_track(seat: int, belief: Belief, side: int) -> None:
     """Drop the smallest set of those out of sight; if it was not the fallen one's, its owner may go on in any other."""
     chosen, least = -1, 0
     for enemy in range(belief.enemy_cell.shape[1]):
@@ -102,7 +101,7 @@ def _bury(seat: int, belief: Any, side: int) -> None:
 
 
 @jit()
-def _mend(seat: int, belief: Any, side: int) -> None:
+def _restore_lost(seat: int, belief: Belief, side: int) -> None:
     """Let an enemy that can be nowhere be anywhere out of sight: not all that was assumed holds on a board of its own drawing."""
     for enemy in range(belief.enemy_cell.shape[1]):
         if belief.enemy_cell[seat, enemy] == HIDDEN_NOW and count(belief.enemy_rows[seat, enemy], side) == 0:

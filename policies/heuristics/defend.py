@@ -1,23 +1,17 @@
-"""Units that walk gather around their own flag and go for any enemy on foot that is seen on their half, which they do not leave.
+"""Units on foot gather around their own flag, chase enemies on foot that enter their half, and never leave it.
 
-A flag not yet found is looked for by wandering over the own half, as units that fly do all along.
+Until the own flag is found they look for it by wandering over their half, as units that fly do throughout.
 """
 
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
-
 from arena.game.compiled import column_after, row_after
-from arena.game.ruleset import Ruleset
-from arena.game.types import Team
 from arena.jit import jit
-from arena.policy import Orders
-from policies.belief.memory import RememberingPolicy, Sight, nearest_walker, remember
+from policies.belief.memory import SeatMemory, Sight, nearest_walker
+from policies.belief.team_rules import TeamRules
 from policies.chance import draw
+from policies.heuristics.unit_by_unit import UnitByUnit, each_unit
 from policies.tactics.moves import STAY
 from policies.tactics.pursuit import pursue
-from policies.tactics.wandering import next_goal
+from policies.tactics.wandering import wander
 
 
 @jit(inline=True)
@@ -29,51 +23,30 @@ def _post(unit: int, flag: int, side: int) -> int:
 
 
 @jit(inline=True)
-def _intruder(seat: int, sight: Any, memory: Any, facts: Any, row: int, column: int) -> Any:
-    enemy = nearest_walker(seat, sight, facts.side, row, column)
-    if enemy >= 0 and memory.ground[seat, enemy] in (facts.own_half, facts.own_flag):
+def _intruder(seat: int, sight: Sight, memory: SeatMemory, rules: TeamRules, cell: int) -> int:
+    """Return the cell of the nearest enemy on foot, or -1 where none is in sight or it is not on the own half."""
+    enemy = nearest_walker(seat, sight, rules.side, cell // rules.side, cell % rules.side)
+    if enemy >= 0 and memory.ground[seat, enemy] in (rules.own_half, rules.own_flag):
         return enemy
     return -1
 
 
-@jit()
-def _act(sight: Any, memory: Any, facts: Any, goals: Any, orders: Any) -> None:
-    side = facts.side
-    for seat in range(orders.shape[0]):
-        remember(seat, sight, memory, facts)
-        flag = int(memory.own_flag[seat])
-        for unit in range(orders.shape[1]):
-            orders[seat, unit] = STAY
-            if not sight.alive[seat, unit]:
-                continue
-            cell, flies, step = int(sight.cell[seat, unit]), facts.flies[unit], facts.step[unit]
-            row, column = cell // side, cell % side
-            words = draw(sight.seed[seat], unit)
-            goal = -1 if flies else _intruder(seat, sight, memory, facts, row, column)
-            if goal < 0 and flag >= 0 and not flies:
-                goal = _post(unit, flag, side)
-            if goal < 0:
-                goal = next_goal(memory.ground, seat, side, cell, goals[seat, unit], -memory.forward[seat], step, words)
-                if goal != goals[seat, unit]:
-                    goals[seat, unit], memory.detour[seat, unit] = goal, 0
-            action = pursue(seat, unit, cell, goal, memory, facts, words)
-            to = memory.ground[seat, row_after(row, action) * side + column_after(column, action)]
-            if flies or to not in (facts.enemy_half, facts.enemy_flag):
-                orders[seat, unit] = action
+@jit(inline=True)
+def order_unit(seat: int, unit: int, cell: int, sight: Sight, memory: SeatMemory, rules: TeamRules) -> int:
+    """Return the step towards an intruder, the own post, or where the unit wanders; none leads onto the enemy's half."""
+    side, flag, flies = rules.side, int(memory.own_flag[seat]), rules.flies[unit]
+    words = draw(sight.seed[seat], unit)
+    goal = -1 if flies else _intruder(seat, sight, memory, rules, cell)
+    if goal < 0 and flag >= 0 and not flies:
+        goal = _post(unit, flag, side)
+    if goal < 0:
+        goal = wander(seat, unit, cell, -memory.forward[seat], memory, rules, words)
+    action = pursue(seat, unit, cell, goal, memory, rules, words)
+    to = memory.ground[seat, row_after(cell // side, action) * side + column_after(cell % side, action)]
+    return action if flies or to not in (rules.enemy_half, rules.enemy_flag) else STAY
 
 
-class Defend(RememberingPolicy):
+class Defend(UnitByUnit):
     """Stays at home."""
 
-    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int) -> None:
-        super().__init__(ruleset, team, n_seats)
-        self._goals = np.full((n_seats, len(ruleset.team(team))), -1, np.int16)
-
-    def start(self, seats: NDArray[np.intp]) -> None:
-        """Forget what was seen, and where each unit was going."""
-        super().start(seats)
-        self._goals[seats] = -1
-
-    def decide(self, sight: Sight, orders: Orders) -> None:
-        """Chase, guard or look around."""
-        _act(sight, self.memory, self.facts, self._goals, orders)
+    kernel = each_unit(__name__)

@@ -1,27 +1,21 @@
-"""Units that walk go for the nearest enemy on foot in sight, or for the flag where that is nearer.
+"""Units on foot go for the nearest enemy on foot in sight, or for the flag where that is nearer.
 
-With neither, they wander over the enemy's half, as units that fly do all along.
+With neither in sight they wander over the enemy's half, as units that fly do throughout.
 """
 
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
-
-from arena.game.ruleset import Ruleset
-from arena.game.types import Team
 from arena.jit import jit
-from arena.policy import Orders
-from policies.belief.memory import RememberingPolicy, Sight, nearest_walker, remember
+from policies.belief.memory import SeatMemory, Sight, nearest_walker
+from policies.belief.team_rules import TeamRules
 from policies.chance import draw
-from policies.tactics.moves import STAY
+from policies.heuristics.unit_by_unit import UnitByUnit, each_unit
 from policies.tactics.pursuit import pursue
-from policies.tactics.wandering import next_goal
+from policies.tactics.wandering import wander
 
 
 @jit(inline=True)
-def _prey(seat: int, sight: Any, memory: Any, side: int, row: int, column: int) -> Any:
+def _target(seat: int, sight: Sight, memory: SeatMemory, side: int, cell: int) -> int:
     """Return the cell of the nearer one of flag and enemy, or -1 where neither is known."""
+    row, column = cell // side, cell % side
     enemy, flag = nearest_walker(seat, sight, side, row, column), int(memory.enemy_flag[seat])
     if enemy < 0 or flag < 0:
         return max(enemy, flag)
@@ -30,38 +24,17 @@ def _prey(seat: int, sight: Any, memory: Any, side: int, row: int, column: int) 
     return flag if to_flag <= to_enemy else enemy
 
 
-@jit()
-def _act(sight: Any, memory: Any, facts: Any, goals: Any, orders: Any) -> None:
-    side = facts.side
-    for seat in range(orders.shape[0]):
-        remember(seat, sight, memory, facts)
-        for unit in range(orders.shape[1]):
-            orders[seat, unit] = STAY
-            if not sight.alive[seat, unit]:
-                continue
-            cell, flies, step = int(sight.cell[seat, unit]), facts.flies[unit], facts.step[unit]
-            row, column = cell // side, cell % side
-            words = draw(sight.seed[seat], unit)
-            goal = -1 if flies else _prey(seat, sight, memory, side, row, column)
-            if goal < 0:
-                goal = next_goal(memory.ground, seat, side, cell, goals[seat, unit], memory.forward[seat], step, words)
-                if goal != goals[seat, unit]:
-                    goals[seat, unit], memory.detour[seat, unit] = goal, 0
-            orders[seat, unit] = pursue(seat, unit, cell, goal, memory, facts, words)
+@jit(inline=True)
+def order_unit(seat: int, unit: int, cell: int, sight: Sight, memory: SeatMemory, rules: TeamRules) -> int:
+    """Return the step towards the target, or where the unit wanders."""
+    words = draw(sight.seed[seat], unit)
+    goal = -1 if rules.flies[unit] else _target(seat, sight, memory, rules.side, cell)
+    if goal < 0:
+        goal = wander(seat, unit, cell, memory.forward[seat], memory, rules, words)
+    return pursue(seat, unit, cell, goal, memory, rules, words)
 
 
-class Fighter(RememberingPolicy):
+class Fighter(UnitByUnit):
     """Looks for a fight."""
 
-    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int) -> None:
-        super().__init__(ruleset, team, n_seats)
-        self._goals = np.full((n_seats, len(ruleset.team(team))), -1, np.int16)
-
-    def start(self, seats: NDArray[np.intp]) -> None:
-        """Forget what was seen, and where each unit was going."""
-        super().start(seats)
-        self._goals[seats] = -1
-
-    def decide(self, sight: Sight, orders: Orders) -> None:
-        """Chase, or explore."""
-        _act(sight, self.memory, self.facts, self._goals, orders)
+    kernel = each_unit(__name__)

@@ -1,6 +1,6 @@
-"""A cheat: it plays as `scout_rush` does, but the local venue shows it the whole board.
+"""A cheat that plays as `scout_rush` does, but is shown the whole board by the local venue.
 
-So what it wins beyond `scout_rush` is what sight is worth. It is never rated, and no other venue seats it.
+What it wins beyond `scout_rush` is the value of sight. It is never rated, and no other venue seats it.
 """
 
 from typing import ClassVar

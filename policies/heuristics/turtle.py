@@ -1,56 +1,45 @@
-"""One guards the own flag, three its approaches; where somebody raids, three the flag, and the fourth meets whoever comes.
+"""One unit guards the own flag and three its approaches; against a raid, three guard the flag and the fourth intercepts.
 
-When ahead by two, all but one strike. From half time on, unless ahead, it attacks with all where nobody raids, and with all but
-two where somebody does.
+When ahead by two enemies, all but one attack. From half time on, unless ahead, all attack, or all but two while somebody raids.
 """
-
-from typing import Any
 
 from arena.jit import jit
 from arena.policy import Orders
-from policies.belief.belief import update_seat
+from policies.belief.belief import Belief
 from policies.belief.bitrows import UNREACHED
 from policies.belief.memory import Sight
-from policies.heuristics.believing import BelievingPolicy
+from policies.belief.team_rules import TeamRules
+from policies.heuristics.believing import BelievingPolicy, each_seat
 from policies.tactics.lanes import hold_lanes
-from policies.tactics.roles import BOLD, GUARD, HUNT, WARY, appoint, march, survey
-from policies.tactics.scouting import scout
+from policies.tactics.roles import BOLD, GUARD, HUNT, WARY, Plan, assign_roles, order_walkers, survey
+from policies.tactics.scouting import order_flyers
 
 _CALM, _STRIKE = 12, 20
 """Ticks without an intruder after which nobody need stay; and the score at which it strikes, two enemies ahead."""
 
 
 @jit()
-def decide_seat(seat: int, sight: Any, belief: Any, known: Any, plan: Any, orders: Any) -> None:
+def order_seat(seat: int, sight: Sight, belief: Belief, rules: TeamRules, plan: Plan, orders: Orders) -> None:
     """Write the orders of one seat, whose belief is up to date."""
-    n_walkers = survey(seat, sight, belief, known, plan)
+    n_walkers = survey(seat, sight, belief, rules, plan)
     is_calm = sight.tick[seat] - plan.raided_at[seat] >= _CALM
-    is_ahead, is_half_time = sight.score[seat] > 0, 2 * sight.tick[seat] >= known.tick_limit
+    is_ahead, is_half_time = sight.score[seat] > 0, 2 * sight.tick[seat] >= rules.tick_limit
     n_guards = n_walkers
     if sight.score[seat] >= _STRIKE:
         n_guards = 1
     elif is_half_time and not is_ahead:
         n_guards = 0 if is_calm else 2
     if n_guards == n_walkers:
-        appoint(1, HUNT, 2 * known.side, seat, sight, plan)
+        assign_roles(1, HUNT, 2 * rules.side, seat, sight, plan)
         if is_calm and not is_ahead:
-            appoint(1, GUARD, UNREACHED, seat, sight, plan)
-            hold_lanes(seat, sight, belief, known, plan)
-    appoint(n_guards, GUARD, UNREACHED, seat, sight, plan)
-    march(seat, sight, belief, known, plan, WARY, BOLD, 1.0, orders)
-    scout(seat, sight, belief, known, plan, orders)
-
-
-@jit()
-def _act(sight: Any, belief: Any, known: Any, plan: Any, orders: Any) -> None:
-    for seat in range(orders.shape[0]):
-        update_seat(seat, sight, belief, known)
-        decide_seat(seat, sight, belief, known, plan, orders)
+            assign_roles(1, GUARD, UNREACHED, seat, sight, plan)
+            hold_lanes(seat, sight, belief, rules, plan)
+    assign_roles(n_guards, GUARD, UNREACHED, seat, sight, plan)
+    order_walkers(seat, sight, belief, rules, plan, WARY, BOLD, 1.0, orders)
+    order_flyers(seat, sight, belief, rules, plan, orders)
 
 
 class Turtle(BelievingPolicy):
     """Waits."""
 
-    def decide(self, sight: Sight, orders: Orders) -> None:
-        """Take in what is seen, and write the orders of all seats."""
-        _act(sight, self.belief, self.known, self.plan, orders)
+    kernel = each_seat(__name__)

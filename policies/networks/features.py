@@ -6,7 +6,7 @@ they are laid out with the planes last, as the network reads them.
 """
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,11 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team
 from arena.jit import jit
-from policies.belief.belief import forget, know, make_belief, update
+from policies.belief.belief import Belief, forget, make_belief
 from policies.belief.bitrows import count, has
-from policies.belief.memory import sight_of
+from policies.belief.memory import Sight, sight_of
+from policies.belief.team_rules import TeamRules, team_rules
+from policies.belief.update import update
 
 FEATURES_VERSION = 1
 """Rises whenever the same observations would give other planes: a checkpoint is refused by another version."""
@@ -99,7 +101,7 @@ class Encoder:
 
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int) -> None:
         side, units = ruleset.side, ruleset.team(team)
-        self._known = know(ruleset, team)
+        self._rules = team_rules(ruleset, team)
         self._belief = make_belief(ruleset, team, n_seats)
         self._out = Encoded(
             np.zeros((n_seats, side, side, N_PLANES), np.uint8),
@@ -116,8 +118,8 @@ class Encoder:
     def encode(self, observations: Observations) -> Encoded:
         """Take in one tick of every seat, and return the planes."""
         sight = sight_of(observations)
-        update(sight, self._belief, self._known)
-        _encode(sight, self._belief, self._known, self._out)
+        update(sight, self._belief, self._rules)
+        _encode(sight, self._belief, self._rules, self._out)
         return self._out
 
     def to_board(self, actions: NDArray[np.int8]) -> NDArray[np.int8]:
@@ -136,7 +138,7 @@ def mirror(actions: NDArray[np.int8]) -> NDArray[np.int8]:
 
 
 @jit(inline=True)
-def framed(cell: int, side: int, is_turned: Any) -> int:
+def framed(cell: int, side: int, is_turned: bool) -> int:
     """Return the number of a cell in the frame."""
     return cell + side - 1 - 2 * (cell % side) if is_turned else cell
 
@@ -147,7 +149,7 @@ def _eighths(steps: int) -> int:
 
 
 @jit(inline=True)
-def _strike(planes: Any, plane: int, cell: int, reach: int, strength: int, side: int) -> None:
+def _strike(planes: NDArray[np.uint8], plane: int, cell: int, reach: int, strength: int, side: int) -> None:
     """Add a unit's strength to every cell in its attack range."""
     row, column = cell // side, cell % side
     radius = 0
@@ -160,7 +162,7 @@ def _strike(planes: Any, plane: int, cell: int, reach: int, strength: int, side:
 
 
 @jit(inline=True)
-def _draw_ground(seat: int, belief: Any, side: int, planes: Any, is_turned: Any) -> None:
+def _draw_ground(seat: int, belief: Belief, side: int, planes: NDArray[np.uint8], is_turned: bool) -> None:
     """Write the planes of the ground, the flags and the distances."""
     tick, own_flag, enemy_flag = belief.tick[seat], belief.own_flag[seat], belief.enemy_flag[seat]
     for cell in range(side * side):
@@ -184,7 +186,7 @@ def _draw_ground(seat: int, belief: Any, side: int, planes: Any, is_turned: Any)
 
 
 @jit(inline=True)
-def _draw_tracks(seat: int, belief: Any, side: int, planes: Any, is_turned: Any) -> None:
+def _draw_tracks(seat: int, belief: Belief, side: int, planes: NDArray[np.uint8], is_turned: bool) -> None:
     """Write where enemies on foot may be."""
     planes[:, :, Plane.ENEMY_MAY_BE : Plane.ENEMY_DENSITY + 1] = 0
     for enemy in range(belief.enemy_cell.shape[1]):
@@ -202,17 +204,17 @@ def _draw_tracks(seat: int, belief: Any, side: int, planes: Any, is_turned: Any)
 
 
 @jit(inline=True)
-def _draw_units(seat: int, sight: Any, belief: Any, known: Any, out: Any, is_turned: Any) -> int:
+def _draw_units(seat: int, sight: Sight, belief: Belief, rules: TeamRules, out: Encoded, is_turned: bool) -> int:
     """Write the planes of the units, and what each of the own may do; return how many of the own walk and live."""
-    side, planes, n_walkers = known.side, out.planes[seat], 0
+    side, planes, n_walkers = rules.side, out.planes[seat], 0
     for enemy in range(sight.enemy_cell.shape[1]):
         if sight.enemy_cell[seat, enemy] < 0:
             break
         cell, kind = framed(int(sight.enemy_cell[seat, enemy]), side, is_turned), sight.enemy_type[seat, enemy]
         planes[cell // side, cell % side, Plane.ENEMY_UAV if sight.enemy_flies[seat, enemy] else Plane.ENEMY_UGV] += ONE
         if not sight.enemy_flies[seat, enemy]:
-            _strike(planes, Plane.ENEMY_STRENGTH, cell, known.type_reach[kind], known.type_strength[kind], side)
-    for unit in range(len(known.flies)):
+            _strike(planes, Plane.ENEMY_STRENGTH, cell, rules.type_reach[kind], rules.type_strength[kind], side)
+    for unit in range(len(rules.flies)):
         cell = framed(int(sight.cell[seat, unit]), side, is_turned)
         out.cell[seat, unit], out.alive[seat, unit] = cell, sight.alive[seat, unit]
         legal = out.legal[seat, unit]
@@ -220,11 +222,11 @@ def _draw_units(seat: int, sight: Any, belief: Any, known: Any, out: Any, is_tur
         legal[_STAY] = 1
         if not sight.alive[seat, unit]:
             continue
-        flies, row, column = known.flies[unit], cell // side, cell % side
+        flies, row, column = rules.flies[unit], cell // side, cell % side
         planes[row, column, Plane.OWN_UAV if flies else Plane.OWN_UGV] += ONE
         if not flies:
             n_walkers += 1
-            _strike(planes, Plane.OWN_STRENGTH, cell, known.reach[unit], known.strength[unit], side)
+            _strike(planes, Plane.OWN_STRENGTH, cell, rules.reach[unit], rules.strength[unit], side)
         for action in range(1, len(legal)):
             to_row, to_column = row_after(row, action), column_after(column, action)
             if is_on_board(to_row, to_column, side):
@@ -234,16 +236,16 @@ def _draw_units(seat: int, sight: Any, belief: Any, known: Any, out: Any, is_tur
 
 
 @jit()
-def _encode(sight: Any, belief: Any, known: Any, out: Any) -> None:
-    side = known.side
+def _encode(sight: Sight, belief: Belief, rules: TeamRules, out: Encoded) -> None:
+    side = rules.side
     for seat in range(len(sight.tick)):
         is_turned = belief.forward[seat] < 0
         _draw_ground(seat, belief, side, out.planes[seat], is_turned)
         _draw_tracks(seat, belief, side, out.planes[seat], is_turned)
-        n_own, n_enemies = _draw_units(seat, sight, belief, known, out, is_turned), belief.n_enemies[seat]
+        n_own, n_enemies = _draw_units(seat, sight, belief, rules, out, is_turned), belief.n_enemies[seat]
         scalars = out.scalars[seat]
         scalars[Scalar.TIME] = sight.tick[seat] / 100
-        scalars[Scalar.TIME_LEFT] = (known.tick_limit - sight.tick[seat]) / 100
+        scalars[Scalar.TIME_LEFT] = (rules.tick_limit - sight.tick[seat]) / 100
         scalars[Scalar.OWN_WALKERS] = n_own / 4
         scalars[Scalar.ENEMY_WALKERS] = n_enemies / 4
         scalars[Scalar.LEAD] = (n_own - n_enemies) / 4

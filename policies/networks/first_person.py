@@ -5,15 +5,13 @@ is the eastern one; shifted, so that the unit stands at the centre of a window; 
 paper, section 3 and Figure 3.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from arena.game.observation import Observations
 from arena.game.types import FLAGS, HALVES, UAVS, UGVS, Code, Team
 from arena.jit import jit
-from policies.belief.memory import sight_of
+from policies.belief.memory import Sight, sight_of
 from policies.networks.features import mirror
 
 WINDOW = 20
@@ -60,7 +58,7 @@ class FirstPerson:
 
 
 @jit(inline=True)
-def _draw(seat: int, sight: Any, flies: Any, recoded: Any, board: Any) -> bool:
+def _draw(seat: int, sight: Sight, flies: NDArray[np.uint8], recoded: NDArray[np.int8], board: NDArray[np.int8]) -> bool:
     """Write the team's Table 2 board, recoded; return whether the own half is the eastern one."""
     side, east = len(board), 0
     for cell in range(side * side):
@@ -81,7 +79,14 @@ def _draw(seat: int, sight: Any, flies: Any, recoded: Any, board: Any) -> bool:
 
 
 @jit()
-def _cut(sight: Any, flies: Any, recoded: Any, board: Any, is_turned: Any, views: Any) -> None:
+def _cut(
+    sight: Sight,
+    flies: NDArray[np.uint8],
+    recoded: NDArray[np.int8],
+    board: NDArray[np.int8],
+    is_turned: NDArray[np.uint8],
+    views: NDArray[np.int8],
+) -> None:
     side, window = len(board), views.shape[2]
     for seat in range(len(views)):
         turned = _draw(seat, sight, flies, recoded, board)

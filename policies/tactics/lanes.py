@@ -1,10 +1,11 @@
 """At home, where nobody is seen to come: two lanes lead from the border to the back, and who waits there closes one of them."""
 
-from typing import Any
-
 from arena.jit import jit
+from policies.belief.belief import Belief
 from policies.belief.bitrows import UNREACHED, has
-from policies.tactics.roles import ATTACK, NORTH, SOUTH, appoint_one, find_way
+from policies.belief.memory import Sight
+from policies.belief.team_rules import TeamRules
+from policies.tactics.roles import ATTACK, NORTH, SOUTH, Plan, assign_role, find_way
 
 _BEHIND = 0.35
 """How far behind the border they wait, as a share of the board. Measured: as good as 0.25 and 0.15 against those who raid, and
@@ -13,17 +14,17 @@ better against those who wait as well, whom they attack from there in the second
 
 
 @jit()
-def hold_lanes(seat: int, sight: Any, belief: Any, known: Any, plan: Any) -> None:
+def hold_lanes(seat: int, sight: Sight, belief: Belief, rules: TeamRules, plan: Plan) -> None:
     """Send the attackers to the lanes by turns, whoever is nearest first."""
-    find_way(_post(1, seat, belief, known.side), NORTH, seat, belief, plan, known.side)
-    find_way(_post(3, seat, belief, known.side), SOUTH, seat, belief, plan, known.side)
+    find_way(_post(1, seat, belief, rules.side), NORTH, seat, belief, plan, rules.side)
+    find_way(_post(3, seat, belief, rules.side), SOUTH, seat, belief, plan, rules.side)
     for _ in range(plan.role.shape[0]):
-        appoint_one(ATTACK, NORTH, UNREACHED, seat, sight, plan)
-        appoint_one(ATTACK, SOUTH, UNREACHED, seat, sight, plan)
+        assign_role(ATTACK, NORTH, UNREACHED, seat, sight, plan)
+        assign_role(ATTACK, SOUTH, UNREACHED, seat, sight, plan)
 
 
 @jit()
-def _post(quarters: int, seat: int, belief: Any, side: int) -> int:
+def _post(quarters: int, seat: int, belief: Belief, side: int) -> int:
     """Return the cell with ground in the column of the posts that is nearest to so many quarters of the way down; or -1."""
     behind = int(_BEHIND * side)
     column = side // 2 - behind if belief.forward[seat] > 0 else side // 2 - 1 + behind

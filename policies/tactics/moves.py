@@ -1,8 +1,7 @@
 """Steps on remembered ground, as kernels: which way is open, and which way leads to a goal."""
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 from arena.game.compiled import can_enter, column_after, is_on_board, row_after
 from arena.game.types import Action
@@ -34,7 +33,7 @@ def behind(action: int) -> int:
 
 
 @jit(inline=True)
-def is_open(ground: Any, seat: int, side: int, row: int, column: int, action: int, flies: Any) -> bool:
+def is_open(ground: NDArray[np.int8], seat: int, side: int, row: int, column: int, action: int, flies: int) -> bool:
     """Whether a step stays on the board and, for a unit that walks, off what `ground` shows as an obstacle.
 
     Parameters
@@ -50,7 +49,16 @@ def is_open(ground: Any, seat: int, side: int, row: int, column: int, action: in
 
 @jit()
 def head_for(
-    ground: Any, seat: int, side: int, row: int, column: int, goal: int, flies: Any, step: int, detour: int, word: Any
+    ground: NDArray[np.int8],
+    seat: int,
+    side: int,
+    row: int,
+    column: int,
+    goal: int,
+    flies: int,
+    step: int,
+    detour: int,
+    word: np.uint64,
 ) -> tuple[int, int]:
     """Return the next step towards a goal, round whatever is in the way.
 

@@ -1,17 +1,21 @@
 """From what is believed to orders: who attacks, who guards and who hunts, and which step each takes.
 
-A script says how many take which role and how dear a life is; this module does the rest, one seat at a time:
-`survey`, then `appoint` as often as it likes, then `march`. What is remembered from tick to tick has an axis of seats in `Plan`.
+A script decides how many units take which role and how dear a life is; this module does the rest, one seat at a time: `survey`,
+then `assign_roles` as often as needed, then `order_walkers`. `Plan` keeps what is remembered from tick to tick, by seat.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arena.game.compiled import column_after, is_in_reach, is_on_board, row_after
 from arena.jit import jit
+from arena.policy import Orders
+from policies.belief.belief import Belief
 from policies.belief.bitrows import NONE, UNREACHED, bit, flood, has
+from policies.belief.memory import Sight
+from policies.belief.team_rules import TeamRules
 from policies.chance import draw
 from policies.tactics.moves import STAY
 from policies.tactics.odds import mark_danger, squared, weigh
@@ -90,18 +94,25 @@ def make_plan(n_seats: int, n_units: int, n_cells: int) -> Plan:
     )
 
 
+def forget_plan(plan: Plan, seats: NDArray[np.intp]) -> None:
+    """Clear what some seats remember from tick to tick."""
+    plan.raided_at[seats] = 0
+    plan.guarded_at[seats] = NEVER
+    plan.choice[seats] = -1
+
+
 @jit()
-def survey(seat: int, sight: Any, belief: Any, known: Any, plan: Any) -> int:
+def survey(seat: int, sight: Sight, belief: Belief, rules: TeamRules, plan: Plan) -> int:
     """Find the ways of this tick, let every unit on foot attack, and return how many there are."""
-    side, n_walkers, n_guards, is_raided = known.side, 0, 0, False
+    side, n_walkers, n_guards, is_raided = rules.side, 0, 0, False
     for unit in range(plan.aim.shape[0]):
         plan.aim[unit], plan.is_decided[unit], plan.mate[unit] = sight.cell[seat, unit], 0, -1
         plan.force[unit, 1] = 0.0
-        walks = sight.alive[seat, unit] and not known.flies[unit]
+        walks = sight.alive[seat, unit] and not rules.flies[unit]
         plan.role[unit] = ATTACK if walks else -1
         n_walkers += walks
     plan.decoy[0] = -1
-    mark_danger(seat, sight, known, plan.danger)
+    mark_danger(seat, sight, rules, plan.danger)
     flood(belief.flag_rows[seat], belief.walkable[seat], plan.danger, _DETOUR, side, belief.work, plan.way[ATTACK])
     for cell in range(side * side):
         plan.way[GUARD, cell], plan.way[HUNT, cell] = belief.to_home[seat, cell], UNREACHED
@@ -128,16 +139,16 @@ def survey(seat: int, sight: Any, belief: Any, known: Any, plan: Any) -> int:
 
 
 @jit()
-def appoint(n: int, role: int, nearer_than: int, seat: int, sight: Any, plan: Any) -> int:
+def assign_roles(n: int, role: int, nearer_than: int, seat: int, sight: Sight, plan: Plan) -> int:
     """Give a role to those up to `n` attackers that have the shortest way to it; return how many took it."""
     taken = 0
     for _ in range(n):
-        taken += appoint_one(ATTACK, role, nearer_than, seat, sight, plan) >= 0
+        taken += assign_role(ATTACK, role, nearer_than, seat, sight, plan) >= 0
     return taken
 
 
 @jit(inline=True)
-def appoint_one(old: int, role: int, nearer_than: int, seat: int, sight: Any, plan: Any) -> int:
+def assign_role(old: int, role: int, nearer_than: int, seat: int, sight: Sight, plan: Plan) -> int:
     """Give a role to the unit of an old one that has the shortest way to it; return which, or -1."""
     chosen, least = -1, nearer_than
     for unit in range(plan.role.shape[0]):
@@ -150,8 +161,16 @@ def appoint_one(old: int, role: int, nearer_than: int, seat: int, sight: Any, pl
 
 
 @jit()
-def march(
-    seat: int, sight: Any, belief: Any, known: Any, plan: Any, attackers_life: float, guards_life: float, bite: float, orders: Any
+def order_walkers(
+    seat: int,
+    sight: Sight,
+    belief: Belief,
+    rules: TeamRules,
+    plan: Plan,
+    attackers_life: float,
+    guards_life: float,
+    bite: float,
+    orders: Orders,
 ) -> None:
     """Write the orders of the units on foot; those nearest to the flag decide first.
 
@@ -171,39 +190,39 @@ def march(
         if chosen < 0:
             return
         life = guards_life if plan.role[chosen] in (GUARD, HUNT) else attackers_life
-        orders[seat, chosen] = _step(seat, chosen, sight, belief, known, plan, life, bite * life)
+        orders[seat, chosen] = _step(seat, chosen, sight, belief, rules, plan, life, bite * life)
 
 
 @jit(inline=True)  # a call hands over every array of four named tuples, and took longer than what it did
-def _step(seat: int, unit: int, sight: Any, belief: Any, known: Any, plan: Any, life: float, prey: float) -> int:
+def _step(seat: int, unit: int, sight: Sight, belief: Belief, rules: TeamRules, plan: Plan, life: float, prey: float) -> int:
     """Return the step that costs least: way left, risk, and what stands there; note where it leads."""
-    side, cell, role = known.side, int(sight.cell[seat, unit]), plan.role[unit]
+    side, cell, role = rules.side, int(sight.cell[seat, unit]), plan.role[unit]
     first = int(draw(sight.seed[seat], unit)[0] & np.uint64(3))
     prize = int(belief.enemy_flag[seat]) if role != GUARD else -1
-    _support(seat, unit, cell, -1.0, known, plan)
+    _support(seat, unit, cell, -1.0, rules, plan)
     best, least, target, friends, enemies = STAY, 0.0, -1, 0.0, 0.0
-    for turn in range(5 if known.step[unit] else 1):
+    for turn in range(5 if rules.step[unit] else 1):
         action = STAY if turn == 0 else 1 + (turn + first) % 4
         to = step_to(cell, action, seat, belief, side)
         if to < 0:
             continue
-        fall, kills, averted = weigh(seat, unit, to, sight, belief, known, plan.aim, plan.force)
+        fall, kills, averted = weigh(seat, unit, to, sight, belief, rules, plan.aim, plan.force)
         far = float(plan.way[role, to]) if plan.way[role, to] < UNREACHED else _LOST
         if action == STAY and role in (NORTH, SOUTH) and far > _THERE:
             far += _TARRIES
-        cost = far + life * (fall - averted) - prey * kills + _crowd(seat, unit, cell, to, sight, known, plan)
+        cost = far + life * (fall - averted) - prey * kills + _crowd(seat, unit, cell, to, sight, rules, plan)
         if to == prize:
             cost -= _PRIZE
         if target < 0 or cost < least:
             best, least, target, friends, enemies = action, cost, to, plan.force[unit, 0], plan.force[unit, 1]
     plan.force[unit, 0], plan.force[unit, 1] = friends, enemies
-    _support(seat, unit, target, 1.0, known, plan)
+    _support(seat, unit, target, 1.0, rules, plan)
     plan.aim[unit], plan.is_decided[unit] = target, 1
     return best
 
 
 @jit(inline=True)
-def step_to(cell: int, action: int, seat: int, belief: Any, side: int) -> int:
+def step_to(cell: int, action: int, seat: int, belief: Belief, side: int) -> int:
     """Return the cell to which a step on foot leads, or -1: off the board, or onto what is known as an obstacle."""
     row, column = row_after(cell // side, action), column_after(cell % side, action)
     if not is_on_board(row, column, side):
@@ -213,16 +232,16 @@ def step_to(cell: int, action: int, seat: int, belief: Any, side: int) -> int:
 
 
 @jit(inline=True)
-def _support(seat: int, unit: int, cell: int, sign: float, known: Any, plan: Any) -> None:
+def _support(seat: int, unit: int, cell: int, sign: float, rules: TeamRules, plan: Plan) -> None:
     """Add what a unit at a cell gives to the strength of friends in contact, or take it away."""
     for other in range(plan.aim.shape[0]):
-        apart = squared(plan.aim[other], cell, known.side)
-        if other != unit and plan.force[other, 1] > 0.0 and is_in_reach(apart, known.reach[unit]):
-            plan.force[other, 0] = max(plan.force[other, 0] + sign * known.strength[unit], 0.0)
+        apart = squared(plan.aim[other], cell, rules.side)
+        if other != unit and plan.force[other, 1] > 0.0 and is_in_reach(apart, rules.reach[unit]):
+            plan.force[other, 0] = max(plan.force[other, 0] + sign * rules.strength[unit], 0.0)
 
 
 @jit(inline=True)
-def _crowd(seat: int, unit: int, cell: int, to: int, sight: Any, known: Any, plan: Any) -> float:
+def _crowd(seat: int, unit: int, cell: int, to: int, sight: Sight, rules: TeamRules, plan: Plan) -> float:
     """Return what it costs to go where a friend goes, to change places with one, to push an enemy, or to leave a mate."""
     cost = 0.0
     for other in range(plan.aim.shape[0]):
@@ -234,14 +253,14 @@ def _crowd(seat: int, unit: int, cell: int, to: int, sight: Any, known: Any, pla
             cost += 1.0
     mate = int(plan.mate[unit])
     if mate >= 0:
-        there, side = int(plan.aim[mate]), known.side
+        there, side = int(plan.aim[mate]), rules.side
         apart = max(abs(there // side - to // side), abs(there % side - to % side))
         cost += _STRAYED * (min(max(apart, _PAIR), _APART) - _PAIR)
     return cost
 
 
 @jit()
-def find_way(cell: int, role: int, seat: int, belief: Any, plan: Any, side: int) -> None:
+def find_way(cell: int, role: int, seat: int, belief: Belief, plan: Plan, side: int) -> None:
     """Make one cell, or none for -1, that to which the way of a role leads."""
     for row in range(side):
         plan.goal[row] = bit(cell % side) if cell >= 0 and cell // side == row else NONE

@@ -62,18 +62,20 @@ def start_or_go_on(
         raise InputError(f"--device is {device!r}; it must be cpu or cuda")
     if (curriculum and (method != "reinforce" or rules or start)) or (stage and not curriculum):
         raise InputError("--curriculum is for the method reinforce, says rules and start itself, and alone has a --stage")
+    from arena.extras import needs
     from policies.training.allocator import KEEP
 
     if not os.environ.keys() >= KEEP.keys():
         # The allocator reads its settings once, at the start of a process.
         os.environ |= KEEP | {name: os.environ[name] for name in KEEP if name in os.environ}
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
-    from policies.networks.learned import hold_threads
-    from policies.training.budget import Budget
-    from policies.training.curriculum import has_ended, stages_of, start_of
-    from policies.training.folder import LAST, SETTINGS, RunFolder
-    from policies.training.methods import make_order, read_order
-    from policies.training.parallel import join_processes, leave_processes
+    with needs("train", "arena train"):
+        from policies.networks.learned import hold_threads
+        from policies.training.budget import Budget
+        from policies.training.curriculum import has_ended, stages_of, start_of
+        from policies.training.folder import LAST, SETTINGS, RunFolder
+        from policies.training.methods import make_order, read_order
+        from policies.training.parallel import join_processes, leave_processes
 
     budget = Budget(samples=samples, episodes=episodes, minutes=minutes)
     folders = {name: out / name for name in stages_of(curriculum, stage)} if curriculum else {"": out}

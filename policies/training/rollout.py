@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from arena.envs.batched import BatchedEnv, Turn
+from arena.envs.batched import BatchedEnv, StepResult
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team, Termination
@@ -60,7 +60,7 @@ class Results:
     ticks: list[int] = field(default_factory=list)
     captures: int = 0
 
-    def note(self, name: str, turn: Turn, rows: NDArray[np.intp]) -> None:
+    def note(self, name: str, turn: StepResult, rows: NDArray[np.intp]) -> None:
         """Take in what ended in an opponent's rows."""
         mine = self.points.setdefault(name, [])
         for row in rows[turn.has_ended[rows]].tolist():
@@ -115,7 +115,7 @@ class Player:
             reveal(self.env.games, Team.RED, is_turned, whole)
             planes[n_games:] = whole[self.opponents.self_rows]
 
-    def step(self, seen: dict[Team, Observations], actions: NDArray[np.int8], results: Results) -> Turn:
+    def step(self, seen: dict[Team, Observations], actions: NDArray[np.int8], results: Results) -> StepResult:
         """Let every seat do as told, and all others as they like; `actions` are of the frame, shape (s, units)."""
         n_games, rows = self.env.n_games, self.opponents.self_rows
         self._orders[Team.BLUE][:] = self._blue.to_board(actions[:n_games])
@@ -141,7 +141,7 @@ class Player:
             parts.append(self._red.to_board(orders[n_games:]))
         return np.concatenate(parts)
 
-    def earn(self, turn: Turn) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    def earn(self, turn: StepResult) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
         """Return reward, gain and end of each seat, as `Experience` has them."""
         outcome = np.where(turn.winner == Team.BLUE, 1.0, np.where(turn.winner == Team.RED, -1.0, 0.0))
         reward = np.where(turn.has_ended, outcome, 0.0).astype(np.float32)

@@ -1,7 +1,5 @@
 """What the critic is told beyond what a team sees: the true state, as planes in the frame of that team. Training only."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,7 +31,15 @@ def reveal(games: BatchedGame, team: Team, is_turned: NDArray[np.bool_], planes:
 
 
 @jit()
-def _reveal(state: State, team: int, first: int, last: int, flies: Any, is_turned: Any, planes: Any) -> None:
+def _reveal(
+    state: State,
+    team: int,
+    first: int,
+    last: int,
+    flies: NDArray[np.uint8],
+    is_turned: NDArray[np.bool_],
+    planes: NDArray[np.uint8],
+) -> None:
     side = planes.shape[1]
     for game in range(len(planes)):
         board = planes[game]

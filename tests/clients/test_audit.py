@@ -14,18 +14,18 @@ from arena.game.keys import MatchKeys
 from arena.game.observation import Observations
 from arena.game.ruleset import load, to_dict
 from arena.game.types import Action, Team
-from arena.match.effects import Ask, End, Event, Write
+from arena.match.effects import Ask, Effect, End, Write
 from arena.match.match import Match, Phase
 from arena.match.time_control import TimeControl
-from arena.pit import archive
-from arena.pit.archive import Archive
+from arena.pit import journal_files
+from arena.pit.journal_files import read_piece
 from arena.policy import BatchPolicy
 from arena.protocol.codec import MOST_BYTES, decode, encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import (
+    ChallengeRequest,
     Commitment,
     Ended,
-    Hello,
     JournalPiece,
     JournalRequest,
     Message,
@@ -118,7 +118,7 @@ class Played:
         self.now_s += 2.0
         self.carry_out(self.match.advance(self.now_s) if self.match.tick == asked[0].tick else [])
 
-    def carry_out(self, events: list[Event]) -> None:
+    def carry_out(self, events: list[Effect]) -> None:
         for event in events:
             if isinstance(event, Write):
                 self.writes += event.data
@@ -293,15 +293,20 @@ def fetch(played: Played, answer: Callable[[bytes], bytes]) -> tuple[Verdict, li
 
 
 def pit_of(played: Played, folder: Path, data: bytes) -> Callable[[bytes], bytes]:
-    """Return how the archive of a pit answers."""
-    (folder / journal_name(played.header.identity)).write_bytes(data)
-    kept = Archive(folder)
-    kept.add(played.id, played.header, lambda: True)
-    return lambda payload: kept.answer(played.id, payload)
+    """Return how a pit answers from its files."""
+    path = folder / journal_name(played.header.identity)
+    path.write_bytes(data)
+
+    def answer(payload: bytes) -> bytes:
+        request = decode(payload)
+        assert isinstance(request, JournalRequest)
+        return read_piece(path, request.offset)
+
+    return answer
 
 
 def test_a_journal_comes_in_pieces(played: Played, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(archive, "PIECE_BYTES", 400)
+    monkeypatch.setattr(journal_files, "PIECE_BYTES", 400)
     data = played.journal()
 
     verdict, offsets = fetch(played, pit_of(played, tmp_path, data))
@@ -320,7 +325,7 @@ def test_a_journal_of_one_piece_is_asked_for_once(played: Played, tmp_path: Path
     [
         (Refusal(reason="today"), "the journal is not to be seen today"),
         (Wait(reason="until the last match of these two is over"), "the journal is not to be seen until the last match of these"),
-        (Hello(), "the journal cannot be had: the pit is gone"),
+        (ChallengeRequest(), "the journal cannot be had: the pit is gone"),
         (JournalPiece(n_bytes=0, offset=0, data=b""), "the journal cannot be had: the pit is gone"),
         (JournalPiece(n_bytes=100, offset=0, data=b""), "the journal cannot be had: the pit is gone"),
         (JournalPiece(n_bytes=1 << 40, offset=0, data=b"x"), "the journal cannot be had: the pit is gone"),

@@ -18,7 +18,7 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, load, to_dict
 from arena.game.types import Team, Termination
 from arena.local.venue import play_batch
-from arena.match.effects import Ask, End, Event, Write
+from arena.match.effects import Ask, Effect, End, Write
 from arena.match.match import Match, Phase
 from arena.match.time_control import TimeControl
 from arena.policy import BatchPolicy, MatchResult
@@ -242,7 +242,7 @@ class Storm:
     def sit(self, team: Team) -> Seat:
         return Seat(ticket(team, self.ruleset), COMMITMENT, self.makes[team])
 
-    def carry_out(self, events: list[Event]) -> None:
+    def carry_out(self, events: list[Effect]) -> None:
         for event in events:
             if isinstance(event, Write):
                 self.journal += event.data

@@ -18,7 +18,7 @@ from arena.game.ruleset import RULESETS, Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from arena.local.venue import MatchRecord, play, play_batch
-from arena.match.effects import Ask, End, Event, Write
+from arena.match.effects import Ask, Effect, End, Write
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.protocol.observation_codec import ObservationReader, ObservationWriter
@@ -195,7 +195,7 @@ def test_a_refereed_match_is_ruled_as_before(same: Same) -> None:
     match = Match(header, TimeControl(turn_time_s=1.0, bank_s=3.0, grace_s=5.0, most_missed=4), 0.0)
     journal, said, now_s = match.start_record, ["begins"], 0.0
 
-    def do(what: str, events: list[Event]) -> None:
+    def do(what: str, events: list[Effect]) -> None:
         nonlocal journal
         words = []
         for event in events:

@@ -15,35 +15,31 @@ from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey
 from arena.errors import ArenaError
 from arena.game.keys import (
     MatchKeys,
-    board_key,
     derive_map_key,
     derive_match_key,
     expand,
-    seat_keys,
+    philox_keys,
     secret_from_seed,
-    unit_keys,
 )
 from arena.game.ruleset import Ruleset, load, to_dict
 from arena.game.types import Team
 from arena.policy import MatchResult
 from arena.protocol.codec import MOST_BYTES, decode, encode
-from arena.protocol.handshake import Attempt, check_challenge, open_knock, sign_challenge
+from arena.protocol.handshake import Attempt, check_challenge, open_request, sign_challenge
 from arena.protocol.identity import Identity, from_text, to_text, verify
 from arena.protocol.messages import (
     PROTOCOL_VERSION,
     AdminRequest,
-    Answer,
     Challenge,
+    ChallengeRequest,
     Closed,
     Commitment,
     Done,
     Ended,
-    Hello,
     History,
     JoinRequest,
     JournalPiece,
     JournalRequest,
-    Knock,
     Lobby,
     Message,
     Orders,
@@ -51,6 +47,8 @@ from arena.protocol.messages import (
     Ready,
     Receipt,
     Refusal,
+    SealedAnswer,
+    SealedRequest,
     Signed,
     Ticket,
     Truth,
@@ -117,10 +115,10 @@ SIGNATURE = bytes(range(64))
 MATCH = "0123456789abcdef"
 PAPER = {"name": "paper", **to_dict(load("paper"))}
 MESSAGES: dict[str, tuple[Message, ...]] = {
-    "a client asks for the keys": (Hello(),),
+    "a client asks for the keys": (ChallengeRequest(),),
     "the keys": (Challenge(pit_key=A, sealing_key=B, number=C, signature=SIGNATURE),),
-    "a sealed request": (Knock(sealed=b"\x00sealed\xff"), Knock(sealed=bytes(300))),
-    "a sealed answer": (Answer(sealed=b"\x00sealed\xff"),),
+    "a sealed request": (SealedRequest(sealed=b"\x00sealed\xff"), SealedRequest(sealed=bytes(300))),
+    "a sealed answer": (SealedAnswer(sealed=b"\x00sealed\xff"),),
     "a request for a seat": (
         JoinRequest(rules_version=1, name="ann", team="any", client="c-1", slot=0),
         JoinRequest(
@@ -259,7 +257,7 @@ def test_the_keys_of_a_match_follow_from_a_seed_as_before(same: Same) -> None:
         match_key = derive_match_key(secret, "league/a/b/0003/a-blue/0")
         map_key = derive_map_key(secret, "league/a/b", 3)
         lines += [one.hex() for one in (secret, map_key, match_key, expand(match_key, "moves"))]
-        lines += [str(one.tolist()) for one in (unit_keys(match_key), seat_keys(match_key), board_key(map_key))]
+        lines += [str(one[0].tolist()) for one in philox_keys([MatchKeys(map_key=map_key, match_key=match_key)])]
 
     same("keys.txt", "\n".join([*lines, ""]))
 
@@ -343,9 +341,9 @@ def test_a_request_that_was_sealed_before_is_opened_and_gives_the_same_keys_of_a
     request = JoinRequest(rules_version=1, name="ann", team="any", client="c-1", slot=0)
 
     def knock() -> str:
-        return Attempt(ANN, "pit", challenge, request).knock.hex()
+        return Attempt(ANN, "pit", challenge, request).sealed.hex()
 
-    caller = open_knock(bytes.fromhex(recorded("knock.hex", knock)), "pit", PIT.public, SEALING)
+    caller = open_request(bytes.fromhex(recorded("knock.hex", knock)), "pit", PIT.public, SEALING)
     told = [encode(caller.request).hex()]
     for team in Team:
         sealer, _ = caller.sit(MATCH, team, B, 128)

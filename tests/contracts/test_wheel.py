@@ -140,13 +140,15 @@ def test_with_the_lowest_versions_a_league_is_played_over_the_network_and_report
 @pytest.mark.parametrize(
     ("arguments", "package", "extra"),
     [
+        (("play", "champion", "rush"), "torch", "learned"),
+        (("train",), "torch", "train"),
         (("web",), "uvicorn", "web"),
         (("serve", "--web", "8000"), "starlette", "web"),
         (("join", "--policy", "human"), "textual", "tui"),
         (("tournament", "run", "starter", "--venue", "ray"), "ray", "cluster"),
         (("leaderboard", "--db", "postgresql://arena@127.0.0.1:1/arena"), "psycopg", "postgres"),
     ],
-    ids=["arena web", "serve --web", "join --policy human", "--venue ray", "--db postgresql"],
+    ids=["play champion", "arena train", "arena web", "serve --web", "join --policy human", "--venue ray", "--db postgresql"],
 )
 def test_a_missing_extra_is_one_sentence_with_its_command(
     installed: Installed, arguments: tuple[str, ...], package: str, extra: str
@@ -156,3 +158,11 @@ def test_a_missing_extra_is_one_sentence_with_its_command(
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.count("\n") == 1
     assert f"needs {package}, which is not installed here: pip install 'arena-pit[{extra}]'" in done.stderr
+
+
+def test_the_fighter_whose_weights_are_left_out_says_where_they_are(installed: Installed) -> None:
+    done = installed.arena("play", "paper", "rush")
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    assert "policies/weights/paper.safetensors" in done.stderr

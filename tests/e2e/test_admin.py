@@ -19,7 +19,7 @@ from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity
-from arena.protocol.messages import AdminRequest, Challenge, Done, Hello, Lobby, Refusal, Signed
+from arena.protocol.messages import AdminRequest, Challenge, ChallengeRequest, Done, Lobby, Refusal, Signed
 from arena.records.journal import load_journal
 from arena.records.replay import verify
 
@@ -101,7 +101,7 @@ def lobby(session: Session) -> Lobby:
 
 
 def attempt(session: Session, identity: Any, command: str, target: str) -> Attempt:
-    challenge = decode(ask(session, topics.join("pit"), encode(Hello())))
+    challenge = decode(ask(session, topics.join("pit"), encode(ChallengeRequest())))
     assert isinstance(challenge, Challenge)
     return Attempt(identity, "pit", challenge, AdminRequest(command=command, target=target))
 
@@ -224,23 +224,23 @@ def test_only_who_has_the_pits_key_is_obeyed_and_once(
     one = session()
     for command in COMMANDS:
         own = attempt(one, other, command, "guest")
-        answer = own.open(ask(one, topics.join("pit"), own.knock))
+        answer = own.open(ask(one, topics.join("pit"), own.sealed))
         assert answer == Refusal(reason="only the holder of the pit's key is obeyed")
-        lie = decode(ask(one, topics.join("pit"), attempt(one, Liar(), command, "guest").knock))
+        lie = decode(ask(one, topics.join("pit"), attempt(one, Liar(), command, "guest").sealed))
         assert lie == Refusal(reason="the signature of a request does not hold")
     unknown = attempt(one, true, "open", "guest")
-    answer = unknown.open(ask(one, topics.join("pit"), unknown.knock))
+    answer = unknown.open(ask(one, topics.join("pit"), unknown.sealed))
     assert answer == Refusal(reason=f"there is no command 'open'; it is one of {', '.join(COMMANDS)}")
     assert lobby(one).waiting == ["guest"]
     assert not (tmp_path / "register.json").exists()
 
     once = attempt(one, true, "kick", "guest")
-    assert once.open(ask(one, topics.join("pit"), once.knock)) == Done(text="guest: 0 seats forfeited, 1 sent away")
+    assert once.open(ask(one, topics.join("pit"), once.sealed)) == Done(text="guest: 0 seats forfeited, 1 sent away")
     assert guest.finish() == 1
     await_guests()
     guest = join("--name", "guest")
     await_guests("guest")
-    assert decode(ask(one, topics.join("pit"), once.knock)) == Refusal(reason="a request comes a second time")
+    assert decode(ask(one, topics.join("pit"), once.sealed)) == Refusal(reason="a request comes a second time")
     enemy = join("--name", "enemy")
 
     assert [process.finish() for process in (guest, enemy)] == [0, 0]

@@ -24,7 +24,7 @@ from arena.records.plan import MatchPlan
 from clients.runner import Runner
 from clients.settings import ClientSettings
 from policies import registry
-from tournaments.venues import ray_cluster as cluster
+from tournaments.venues import ray as cluster
 
 PAPER = load("paper")
 SECRET = secret_from_seed(3)

@@ -20,7 +20,7 @@ from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Challenge, Ended, Hello, JoinRequest, Signed, Ticket, Wait
+from arena.protocol.messages import Challenge, ChallengeRequest, Ended, JoinRequest, Signed, Ticket, Wait
 from arena.protocol.sealing import Opener, Sealer
 from arena.protocol.signed import read_statement
 from clients.runner import Runner
@@ -74,7 +74,7 @@ class Stranger:
         return answers.get(timeout=PATIENCE_S)
 
     def challenge(self) -> Challenge:
-        challenge = decode(self.query(topics.join(self.pit), encode(Hello())))
+        challenge = decode(self.query(topics.join(self.pit), encode(ChallengeRequest())))
         assert isinstance(challenge, Challenge), challenge
         self.pit_key = challenge.pit_key
         return challenge
@@ -87,7 +87,7 @@ class Stranger:
     def ask(self, **changes: Any) -> Any:
         """Return what the pit answers to a request for a seat."""
         attempt = self.attempt(**changes)
-        answer = attempt.open(self.query(topics.join(self.pit), attempt.knock))
+        answer = attempt.open(self.query(topics.join(self.pit), attempt.sealed))
         if isinstance(answer, Ticket):
             self.take(attempt, answer)
         return answer

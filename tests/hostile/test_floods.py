@@ -34,7 +34,19 @@ from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES, decode, encode
 from arena.protocol.handshake import Attempt, new_secret, sign_challenge
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Challenge, Ended, Hello, JoinRequest, Knock, Lobby, Message, Orders, Ready, Ticket, Turn
+from arena.protocol.messages import (
+    Challenge,
+    ChallengeRequest,
+    Ended,
+    JoinRequest,
+    Lobby,
+    Message,
+    Orders,
+    Ready,
+    SealedRequest,
+    Ticket,
+    Turn,
+)
 from arena.protocol.sealing import Direction, Opener, Sealer, seat_context
 from arena.protocol.signed import read_statement
 from arena.records.journal import Journal, load_journal, read_journal, whole_part
@@ -122,24 +134,24 @@ def test_nothing_made_of_a_sealed_message_opens_and_the_next_genuine_one_does(da
 def test_bad_messages_raise_nothing_but_protocol_errors(size: Size) -> None:
     chance = random.Random(4)
     identity, context = Identity.make(), seat_context("pit", "m", Team.BLUE, Direction.ACTION)
-    door, sealer, opener = Authenticator("pit", identity), Sealer(bytes(32), context), Opener(bytes(32), context)
-    challenge = decode(door.challenge(0.0))
+    authenticator, sealer, opener = Authenticator("pit", identity), Sealer(bytes(32), context), Opener(bytes(32), context)
+    challenge = decode(authenticator.challenge(0.0))
     assert isinstance(challenge, Challenge)
     request = JoinRequest(rules_version=RULES_VERSION, name="eve", team="any", client="c", slot=0)
-    knocks = [Attempt(Identity.make(), "pit", challenge, request).knock for _ in range(20)]
+    requests = [Attempt(Identity.make(), "pit", challenge, request).sealed for _ in range(20)]
     sealed = [sealer.close(message, tick) for tick, message in enumerate(EVERY_KIND)]
 
     for _ in range(size(3_000, 100_000)):
-        message = bad(chance, EVERY_KIND + sealed + knocks)
-        for take in (decode, opener.open, lambda data: door.open(data, 1.0)):
+        message = bad(chance, EVERY_KIND + sealed + requests)
+        for take in (decode, opener.open, lambda data: authenticator.open(data, 1.0)):
             with suppress(ProtocolError):
                 take(message)
 
-    assert decode(opener.open(sealer.close(EVERY_KIND[0], 9))) == Hello()
+    assert decode(opener.open(sealer.close(EVERY_KIND[0], 9))) == ChallengeRequest()
     other = sign_challenge("pit", identity, X25519PrivateKey.generate().public_key().public_bytes_raw(), new_secret())
     with pytest.raises(ForgedError):
-        door.open(Attempt(identity, "pit", other, request).knock, 1.0)
-    assert door.open(Attempt(identity, "pit", challenge, request).knock, 1.0).request.name == "eve"
+        authenticator.open(Attempt(identity, "pit", other, request).sealed, 1.0)
+    assert authenticator.open(Attempt(identity, "pit", challenge, request).sealed, 1.0).request.name == "eve"
 
 
 # Against a pit
@@ -299,8 +311,8 @@ def test_junk_on_every_key_changes_no_match_and_leaves_nothing_behind(
     eve = stranger()
     duel = Duel(eve, stranger(), n_ticks)
     duel.play(lambda: duel.tick == 20)
-    knocks = [eve.attempt(name="mallory", client="another").knock for _ in range(20)]
-    shots = Shots(eve, [honest, eve.match], [*duel.sent, *knocks, *(data for _, data in eve.raw[:20]), *EVERY_KIND])
+    requests = [eve.attempt(name="mallory", client="another").sealed for _ in range(20)]
+    shots = Shots(eve, [honest, eve.match], [*duel.sent, *requests, *(data for _, data in eve.raw[:20]), *EVERY_KIND])
     shots.fire(n_each // 5)
     warm_mb = resident_mb(pit)
     begun_at = len(read_journal(whole_part(honest_journal(tmp_path).read_bytes())).ticks)
@@ -337,13 +349,13 @@ PAUSE_S = 0.005
 
 
 def flood(port: str, rate: str, n_joins: str) -> None:
-    """Ask for seats: half are signed requests of new entries; the rest are those again, junk, and Hello. Then wait."""
+    """Ask for seats: half are signed requests of new entries; the rest are those again, junk, and ChallengeRequest. Then wait."""
     config = zenoh.Config()
     endpoints = [f"tcp/127.0.0.1:{port}"]
     for key, value in (("mode", "client"), ("connect/endpoints", endpoints), ("scouting/multicast/enabled", False)):
         config.insert_json5(key, json.dumps(value))
     session = zenoh.open(config)
-    (reply,) = session.get(JOIN, payload=encode(Hello()), timeout=PATIENCE_S)
+    (reply,) = session.get(JOIN, payload=encode(ChallengeRequest()), timeout=PATIENCE_S)
     challenge = decode(reply.ok.payload.to_bytes())
     assert isinstance(challenge, Challenge)
     chance = random.Random(port)
@@ -351,12 +363,12 @@ def flood(port: str, rate: str, n_joins: str) -> None:
     def sign() -> bytes:
         name, client = uuid.uuid4().hex[:8], uuid.uuid4().hex
         request = JoinRequest(rules_version=RULES_VERSION, name=name, team="any", client=client, slot=0, invite="guessed")
-        return Attempt(Identity.make(), "pit", challenge, request).knock
+        return Attempt(Identity.make(), "pit", challenge, request).sealed
 
     joins: list[bytes] = []
     while len(joins) < int(n_joins):
         signed = [sign() for _ in range(5)]
-        junk = [encode(Knock(sealed=chance.randbytes(300))), chance.randbytes(300), encode(Hello())]
+        junk = [encode(SealedRequest(sealed=chance.randbytes(300))), chance.randbytes(300), encode(ChallengeRequest())]
         joins += [*signed, signed[0], chance.choice(joins or signed), *junk]
     sys.stdout.write("flooding\n")
     pause = threading.Event()
@@ -376,10 +388,10 @@ def ask_for_seat(one: Any, **changes: Any) -> tuple[float, Any]:
     pause = threading.Event()
     values = {"rules_version": RULES_VERSION, "team": "any", "client": one.client, "slot": 0, **changes}
     while time.monotonic() - begun_s < PATIENCE_S:
-        challenge = one.query(JOIN, encode(Hello()))
+        challenge = one.query(JOIN, encode(ChallengeRequest()))
         if challenge:
             attempt = Attempt(one.identity, "pit", decode(challenge), JoinRequest(**values))
-            answer = one.query(JOIN, attempt.knock)
+            answer = one.query(JOIN, attempt.sealed)
             if answer:
                 return time.monotonic() - begun_s, attempt.open(answer)
         pause.wait(RETRY_S)

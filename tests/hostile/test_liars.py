@@ -18,10 +18,10 @@ from arena.protocol.messages import (
     Closed,
     Ended,
     JoinRequest,
-    Knock,
     Orders,
     Ready,
     Refusal,
+    SealedRequest,
     Signed,
     Ticket,
     Turn,
@@ -127,7 +127,7 @@ def test_no_request_brings_the_pit_down_and_a_seat_is_its_own_keys_alone(serve: 
     serve("--matches", 1, "--grace", 30, "--turn-time", 60)
     eve = stranger()
     known = JoinRequest(rules_version=RULES_VERSION, name="eve", team="any", client="eve", slot=0)
-    of_another_version = msgpack.packb([99, *msgpack.unpackb(eve.attempt().knock)[1:]])
+    of_another_version = msgpack.packb([99, *msgpack.unpackb(eve.attempt().sealed)[1:]])
 
     for raw, reason in (
         (b"", "the request cannot be read"),
@@ -139,9 +139,9 @@ def test_no_request_brings_the_pit_down_and_a_seat_is_its_own_keys_alone(serve: 
         (of_another_version, f"the other side speaks version 99 of the protocol; this is version {PROTOCOL_VERSION}"),
         (encode(Ready(known_ticks=0)), "this is no request for a seat"),
         (encode(known), "this is no request for a seat"),
-        (encode(Knock(sealed=b"")), "a request does not open"),
-        (encode(Knock(sealed=os.urandom(300))), "a request does not open"),
-        (encode(Knock(sealed=encode(known))), "a request does not open"),
+        (encode(SealedRequest(sealed=b"")), "a request does not open"),
+        (encode(SealedRequest(sealed=os.urandom(300))), "a request does not open"),
+        (encode(SealedRequest(sealed=encode(known))), "a request does not open"),
     ):
         answer = decode(eve.query(topics.join("pit"), raw))
         assert isinstance(answer, Refusal), raw

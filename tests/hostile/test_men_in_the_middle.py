@@ -22,7 +22,7 @@ from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import new_secret, sign_challenge
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Answer, Challenge, Ended, Lobby, Orders, Ready, Refusal, Signed, Ticket, Turn, Wait
+from arena.protocol.messages import Challenge, Ended, Lobby, Orders, Ready, Refusal, SealedAnswer, Signed, Ticket, Turn, Wait
 from arena.records.journal import load_journal
 from arena.records.replay import verify
 from clients.commands.connecting import trust
@@ -163,11 +163,11 @@ def test_a_request_that_comes_a_second_time_is_refused_and_its_owner_keeps_seat_
 
     def replay() -> None:
         for one in (eve, ann):
-            answer = decode(one.query(topics.join("pit"), attempt.knock))
+            answer = decode(one.query(topics.join("pit"), attempt.sealed))
             assert isinstance(answer, Refusal), answer
             assert answer.reason == "a request comes a second time"
 
-    waiting = later(ann.query, topics.join("pit"), attempt.knock)
+    waiting = later(ann.query, topics.join("pit"), attempt.sealed)
     await_guest(eve)
     replay()
     bob.sit(name="bob", team="red")
@@ -198,7 +198,7 @@ def test_an_answer_opens_for_its_own_request_alone(serve: Start, stranger: Start
     ann, eve = stranger(), stranger()
     first, second = (ann.attempt(team="green", slot=slot) for slot in (0, 1))
     others = eve.attempt(team="green")
-    answers = [one.query(topics.join("pit"), attempt.knock) for one, attempt in ((ann, first), (ann, second), (eve, others))]
+    answers = [one.query(topics.join("pit"), attempt.sealed) for one, attempt in ((ann, first), (ann, second), (eve, others))]
 
     for number, attempt in enumerate((first, second, others)):
         for other, answer in enumerate(answers):
@@ -238,16 +238,16 @@ def test_nobody_plays_whose_answers_a_man_in_the_middle_makes_up(
     kept: list[bytes] = []
 
     def say_no(asked: bytes, answer: bytes) -> bytes:
-        return encode(Refusal(reason="go away")) if isinstance(decode(answer), Answer) else answer
+        return encode(Refusal(reason="go away")) if isinstance(decode(answer), SealedAnswer) else answer
 
     def say_nothing_new(asked: bytes, answer: bytes) -> bytes:
-        if isinstance(decode(answer), Answer):
+        if isinstance(decode(answer), SealedAnswer):
             kept.append(answer)
             return kept[0] if len(kept) > 1 else b""  # the first answer, which its own client has never had
         return answer
 
     def change(asked: bytes, answer: bytes) -> bytes:
-        return flip(answer) if isinstance(decode(answer), Answer) else answer
+        return flip(answer) if isinstance(decode(answer), SealedAnswer) else answer
 
     def show_own_key(asked: bytes, answer: bytes) -> bytes:
         return encode(sign_challenge("pit", rival, new_secret(), new_secret()))
@@ -293,7 +293,7 @@ def test_what_a_man_in_the_middle_says_in_the_pits_name_or_adds_is_counted_and_c
 
     def say_no_at_first(asked: bytes, answer: bytes) -> bytes:
         nonlocal n_refused
-        if n_refused == 3 or not isinstance(decode(answer), Answer):
+        if n_refused == 3 or not isinstance(decode(answer), SealedAnswer):
             return answer
         n_refused += 1
         return encode(Refusal(reason="go away"))
@@ -330,7 +330,7 @@ def test_a_pit_that_has_another_key_than_before_is_refused_until_its_old_key_is_
     first = serve()
     old = address(first)
     eve = stranger()
-    sealed_to_the_first = eve.attempt().knock
+    sealed_to_the_first = eve.attempt().sealed
     exit_code, said = arena_here(*look_in)
     assert (exit_code, "the pit plays ruleset paper" in said) == (1, True), said
     assert f"this pit is new here; from now on {place} must show the key {old.partition('#')[2]}" in said

@@ -90,3 +90,51 @@ def test_the_registry_and_its_plans_load_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])
 
     assert done.stdout.strip() == "[]"
+
+
+def without(package: str, code: str) -> subprocess.CompletedProcess[str]:
+    """Run code in a process that cannot import a package."""
+    code = f"import sys; sys.modules[{package!r}] = None; {code}"
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+
+
+def command(*arguments: str) -> str:
+    return f"from tournaments.cli import main; sys.argv = ['arena', *{arguments!r}]; main()"
+
+
+@pytest.mark.parametrize("arguments", [("policies",), ("play", "rush", "patrol", "--pairs", "1", "--workers", "1")])
+def test_scripts_need_no_torch(arguments: tuple[str, ...]) -> None:
+    done = without("torch", command(*arguments))
+
+    assert done.returncode == 0, done.stderr
+    assert "rush" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("package", "arguments", "who", "extra"),
+    [
+        ("torch", ("play", "champion", "rush"), "the fighter champion", "learned"),
+        ("safetensors", ("evaluate", "champion"), "the fighter champion", "learned"),
+        ("torch", ("train",), "arena train", "train"),
+    ],
+)
+def test_who_lacks_an_extra_gets_one_sentence(package: str, arguments: tuple[str, ...], who: str, extra: str) -> None:
+    done = without(package, command(*arguments))
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"arena: {who} needs {package}, which is not installed here: pip install 'arena-pit[{extra}]'\n"
+
+
+@pytest.mark.parametrize(
+    ("package", "code"),
+    [
+        ("gymnasium", "import policies.environments"),
+        ("gymnasium", "from arena.envs import VectorCapture"),
+        ("pettingzoo", "from arena.envs import ParallelCapture"),
+    ],
+)
+def test_an_environment_without_its_packages_names_the_command(package: str, code: str) -> None:
+    done = without(package, code)
+
+    assert done.returncode != 0
+    assert done.stderr.endswith(f"needs {package}, which is not installed here: pip install 'arena-pit[envs]'\n")

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from arena.game.engine import BatchedGame
-from arena.game.keys import MatchKeys, seat_keys, secret_from_seed, unit_keys
+from arena.game.keys import MatchKeys, philox_keys, secret_from_seed
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team, Termination
 from arena.local.venue import MatchRecord
@@ -66,11 +66,8 @@ def test_legs_of_a_pair_begin_on_the_same_board(name: str) -> None:
 
 def test_legs_of_a_pair_share_nothing_but_the_map() -> None:
     plans = plan_fixture("league", "a", "b", 8, SECRET)
-    keys = [
-        words.tobytes()
-        for plan in plans
-        for words in (*unit_keys(plan.keys.match_key).reshape(4, 2), *seat_keys(plan.keys.match_key))
-    ]
+    drawn = philox_keys([plan.keys for plan in plans])
+    keys = [words.tobytes() for words in (*drawn.unit.reshape(-1, 2), *drawn.seat.reshape(-1, 2))]
 
     assert len({plan.keys.match_key for plan in plans}) == len(plans)
     assert len(set(keys)) == len(keys)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from arena.console import AsJson, JsonProgress, print_json, print_table, progress_bar, stdout_to_stderr
-from arena.errors import UnknownNameError
+from arena.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -34,6 +34,7 @@ Data = Annotated[
 ]
 Db = Annotated[str, typer.Option(metavar="URL|FILE", help="The store of results; arena.db in the data folder without it.")]
 Format = Annotated[str, typer.Option("--format", metavar="|".join(FORMATS), help="What to print.")]
+Ratings = Annotated[str, typer.Option(metavar="NAME", help="How to rate; davidson, or a method of an installed package.")]
 Out = Annotated[Path | None, typer.Option(metavar="FILE", help="Write it into this file instead.")]
 
 tournament = typer.Typer(no_args_is_help=True, help="Run leagues: everyone meets everyone, and all are rated.")
@@ -74,7 +75,7 @@ def run_league(
     from tournaments.league.limits import NO_LIMITS
     from tournaments.reports.formats import render, save
     from tournaments.reports.report import make_report
-    from tournaments.running.preflight import rehearse
+    from tournaments.running.preflight import check_entries
     from tournaments.running.progress import is_over
     from tournaments.running.scheduler import Folders, Scheduler
     from tournaments.store.store import Store
@@ -88,7 +89,7 @@ def run_league(
     with Store(db or str(folders.data / "arena.db")) as store:
         if not is_over(store, chosen):
             limits = chosen.limits if venue == "network" else NO_LIMITS
-            rehearse(chosen.entries, chosen.ruleset, folders.homes(chosen.name), limits)
+            check_entries(chosen.entries, chosen.ruleset, folders.homes(chosen.name), limits)
         with Scheduler(chosen, store, folders) as scheduler:
             _play_league(scheduler, venue, f"{chosen.name} ({venue})", is_for_machines=is_for_machines)
             report = make_report(scheduler.row, store.outcomes(scheduler.row), scheduler.secret)
@@ -103,7 +104,7 @@ def run_league(
 
 def _play_league(scheduler: "Scheduler", venue: str, title: str, *, is_for_machines: bool) -> None:
     """Play what is left, and say how it goes."""
-    from tournaments.venues.venue import VENUES
+    from tournaments.venues.table import find_venue
 
     n_done, n_matches = scheduler.n_done, scheduler.n_matches
     lines = JsonProgress(n_matches, n_done)
@@ -126,7 +127,7 @@ def _play_league(scheduler: "Scheduler", venue: str, title: str, *, is_for_machi
     bar = nullcontext() if is_for_machines else progress_bar(n_matches - n_done, title)
     try:
         with stdout_to_stderr(), bar as advance:
-            for outcome in scheduler.run(VENUES[venue], invite):
+            for outcome in scheduler.run(find_venue(venue), invite):
                 if advance is not None:
                     advance(1)
                 else:
@@ -141,14 +142,20 @@ def _play_league(scheduler: "Scheduler", venue: str, title: str, *, is_for_machi
 
 @tournament.command("report")
 def report_league(
-    league: LeagueName, data: Data = None, db: Db = "", form: Format = "text", out: Out = None, as_json: AsJson = False
+    league: LeagueName,
+    data: Data = None,
+    db: Db = "",
+    form: Format = "text",
+    out: Out = None,
+    ratings: Ratings = "",
+    as_json: AsJson = False,
 ) -> None:
     """Print the report of a league from its stored results."""
     from tournaments.league.file import LEAGUES, load_league
 
     is_file = league.endswith(".toml") or league in LEAGUES
     read = load_league(league) if is_file else None
-    _report(read.name if read else league, read, data, db, "json" if as_json else form, out)
+    _report(read.name if read else league, read, data, db, "json" if as_json else form, out, ratings)
 
 
 @tournament.command("status")
@@ -180,6 +187,7 @@ def leaderboard(
     db: Db = "",
     form: Format = "text",
     out: Out = None,
+    ratings: Ratings = "",
     as_json: AsJson = False,
 ) -> None:
     """Print who leads a league, or a ladder, from the stored results."""
@@ -190,16 +198,19 @@ def leaderboard(
         from tournaments.reports.ladder_table import FORMATS as LADDER_FORMATS
         from tournaments.reports.ladder_table import render_ladder
 
+        if ratings:
+            raise InputError("--ratings is how leagues are rated; a ladder keeps the ratings that its pit gave")
         text = render_ladder(db or str(data_folder(data) / "arena.db"), league, _one_of("--format", form, LADDER_FORMATS))
         typer.echo(text, nl=False) if out is None else save(out, text)
         return
-    _report(league, None, data, db, form, out)
+    _report(league, None, data, db, form, out, ratings)
 
 
-def _report(name: str, league: "League | None", data: Path | None, db: str, form: str, out: Path | None) -> None:
+def _report(name: str, league: "League | None", data: Path | None, db: str, form: str, out: Path | None, ratings: str) -> None:
     """Print the report of a stored league; the last one that was run if it has no name."""
     from arena.folders import data_folder
     from tournaments.league.secret import recall_secret
+    from tournaments.ratings.methods import DEFAULT
     from tournaments.reports.report import make_report
     from tournaments.running.scheduler import Folders
     from tournaments.store.store import Store
@@ -209,8 +220,9 @@ def _report(name: str, league: "League | None", data: Path | None, db: str, form
     with Store(db or str(folders.data / "arena.db"), make=False) as store:
         row = store.get(name) if name else store.latest()
         outcomes = store.outcomes(row)
-    secret = None if league is None else recall_secret(league, folders.keys, row.facts["secret"])
-    _show(make_report(row, outcomes, secret), form, out, folders.journals(row.name))
+    secret = None if league is None else recall_secret(league, folders.keys, row.definition["secret"])
+    report = make_report(row, outcomes, secret, rating_method=ratings or DEFAULT)
+    _show(report, form, out, folders.journals(row.name))
 
 
 def _one_of(option: str, value: str, known: tuple[str, ...]) -> str:

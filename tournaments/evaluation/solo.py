@@ -70,10 +70,10 @@ def shortest_ways(ruleset: Ruleset, plans: list[MatchPlan]) -> list[int]:
     games, n_cells = BatchedGame(ruleset, len(plans)), ruleset.side**2
     games.start(range(len(plans)), [plan.keys for plan in plans])
     walkers = {index: unit.step for index, unit in enumerate(ruleset.team(Team.BLUE)) if unit.step and not unit.flies}
-    far, queue = np.zeros((len(plans), n_cells), np.int16), np.zeros(n_cells, np.int16)
+    far, work = np.zeros((len(plans), n_cells), np.int16), np.zeros((19, 64), np.uint64)
     nearest = []
     for game, fact in enumerate(games.state.field):
-        flood(games.state.ground, game, ruleset.side, int(fact[StateField.RED_FLAG]), far, queue)
+        flood(games.state.ground, game, ruleset.side, int(fact[StateField.RED_FLAG]), far, work)
         cells = games.state.cell[game]
         nearest.append(min(-(-int(far[game, cells[unit]]) // step) for unit, step in walkers.items()))
     return nearest

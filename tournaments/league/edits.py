@@ -6,14 +6,14 @@ from hashlib import sha256
 from typing import Any
 
 
-def hash_facts(facts: Mapping[str, Any]) -> str:
-    """Return SHA-256 (hex) of a league's facts; the ruleset's name is no rule."""
-    deciding = {key: value for key, value in facts.items() if key != "ruleset"}
+def hash_definition(definition: Mapping[str, Any]) -> str:
+    """Return SHA-256 (hex) of a league's definition; the ruleset's name is no rule."""
+    deciding = {key: value for key, value in definition.items() if key != "ruleset"}
     return sha256(json.dumps(deciding, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def find_edit(stored: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
-    """Return in words what was edited between two `League.facts`, to which `secret` may be added; None if nothing was."""
+    """Return in words what was edited between two `League.definition`, to which `secret` may be added; None if nothing was."""
     if stored["rules"] != now["rules"]:
         return f"its rules were edited (were {stored['ruleset']} {stored['rules'][:8]}, are {now['ruleset']} {now['rules'][:8]})"
     before, after = stored["entries"], now["entries"]
@@ -34,7 +34,7 @@ def find_edit(stored: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
     for name, value in stored.get("sprt", {}).items():
         if value != now["sprt"][name]:
             return f"{name} of its test was edited (was {value:g}, is {now['sprt'][name]:g})"
-    for key, default in (("maps", "paired"), ("hero", None)):
+    for key, default in (("maps", "paired"), ("challenger", None)):
         if stored.get(key, default) != now.get(key, default):
             return f"{key} was edited (was {stored.get(key, default)}, is {now.get(key, default)})"
     if stored.get("secret") != now.get("secret"):

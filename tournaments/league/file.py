@@ -27,8 +27,8 @@ from tournaments.ratings.sprt import Sprt
 LEAGUES = ("starter", "fighters", "fighters-gym-cap")
 MOST_PAIRS = 1_000_000
 _KEYS = (
-    "name", "ruleset", "rules", "pairs", "pairing", "hero", "sprt", "maps", "seed", "secret", "venue", "listen", "turn_time_s",
-    "bank_s", "grace_s", "slots", "limits", "entries",
+    "name", "ruleset", "rules", "pairs", "pairing", "challenger", "sprt", "maps", "seed", "secret", "venue", "listen",
+    "turn_time_s", "bank_s", "grace_s", "slots", "limits", "entries",
 )  # fmt: skip
 _BOUNDS = {"elo0": 0.0, "elo1": 50.0}
 _MOST_ELO = 2_000.0
@@ -71,6 +71,8 @@ def parse_league(text: str, name: str, folder: Path) -> League:
         values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise LeagueError(f"the league {name} is not TOML: {error}") from error
+    if "hero" in values:
+        raise LeagueError(f"league {name} says hero = {_toml(values['hero'])}; the key is called challenger now")
     for key in values:
         if key not in _KEYS:
             raise UnknownNameError(f"key in league {name}", key, _KEYS)
@@ -100,7 +102,7 @@ class _Reader:
             name=self._name,
             ruleset=self._ruleset(folder),
             entries=entries,
-            hero=self._hero(entries),
+            challenger=self._challenger(entries),
             sprt=self._sprt(entries),
             maps=self._one_of("maps", MAPS),
             n_pairs=self._whole("pairs", League.n_pairs, 1, MOST_PAIRS) or 1,
@@ -149,17 +151,18 @@ class _Reader:
             raise UnknownNameError(f"{key} of league {self._name}", str(value), known)
         return str(value)
 
-    def _hero(self, entries: Mapping[str, str]) -> str | None:
-        hero, pairing = self._values.get("hero"), self._one_of("pairing", PAIRINGS)
-        if pairing == "sprt" and hero is None:
+    def _challenger(self, entries: Mapping[str, str]) -> str | None:
+        challenger, pairing = self._values.get("challenger"), self._one_of("pairing", PAIRINGS)
+        if pairing == "sprt" and challenger is None:
             return next(iter(entries))
-        if (hero is None) != (pairing == "round-robin"):
+        if (challenger is None) != (pairing == "round-robin"):
             raise self._error(
-                'has a hero in a gauntlet or an sprt, and only there; write pairing = "gauntlet" and hero = "NAME", or neither'
+                "has a challenger in a gauntlet or an sprt, and only there; "
+                'write pairing = "gauntlet" and challenger = "NAME", or neither'
             )
-        if hero is not None and hero not in entries:
-            raise UnknownNameError(f"hero of league {self._name}", str(hero), entries)
-        return None if hero is None else str(hero)
+        if challenger is not None and challenger not in entries:
+            raise UnknownNameError(f"challenger of league {self._name}", str(challenger), entries)
+        return None if challenger is None else str(challenger)
 
     def _sprt(self, entries: Mapping[str, str]) -> Sprt | None:
         given = self._values.get("sprt")

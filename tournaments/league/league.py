@@ -24,7 +24,7 @@ class LeagueError(InputError):
 
 @dataclass(frozen=True, kw_only=True)
 class League:
-    """What a league's file says. `facts` is what decides its results."""
+    """What a league's file says. `definition` is what decides its results."""
 
     name: str
     ruleset: Ruleset
@@ -32,7 +32,7 @@ class League:
     """The fighter behind each entry, as `tournaments.league.entries` knows it; files by their full path."""
     n_pairs: int = 10
     """Of each fixture; may be raised while results are stored. The most pairs of a sequential test."""
-    hero: str | None = None
+    challenger: str | None = None
     """Who meets all the others in a gauntlet, or is tested for being the better one; None in a round robin."""
     sprt: Sprt | None = None
     """The test that ends a league of two, before its first pair."""
@@ -57,7 +57,7 @@ class League:
         return {name: key for name, key in keys.items() if key is not None}
 
     @cached_property
-    def facts(self) -> dict[str, Any]:
+    def definition(self) -> dict[str, Any]:
         """What decides the results, but for the secret and the number of pairs; an edit is found by comparing these."""
         time_control, sprt = self.time_control, self.sprt
         return {
@@ -66,7 +66,7 @@ class League:
             "entries": {name: fingerprint_of(spec) for name, spec in sorted(self.entries.items())},
             "clock": {"turn_time_s": time_control.turn_time_s, "bank_s": time_control.bank_s, "grace_s": time_control.grace_s},
             **({"maps": self.maps} if self.maps != League.maps else {}),
-            **({"hero": self.hero} if self.hero is not None else {}),
+            **({"challenger": self.challenger} if self.challenger is not None else {}),
             **({"sprt": {name: getattr(sprt, name) for name in BOUNDS}} if sprt is not None else {}),
         }
 

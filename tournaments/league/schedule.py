@@ -23,7 +23,7 @@ def plan_league(league: League, secret: bytes) -> list[MatchPlan]:
 def fixtures_of(league: League) -> list[tuple[str, str]]:
     """Return who meets whom, each two in the order of their names."""
     every = combinations(sorted(league.entries), 2)
-    return [fixture for fixture in every if league.hero is None or league.hero in fixture]
+    return [fixture for fixture in every if league.challenger is None or league.challenger in fixture]
 
 
 def count_matches(n_entries: int, n_pairs: int, *, is_gauntlet: bool = False) -> int:

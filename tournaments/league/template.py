@@ -15,7 +15,7 @@ TEMPLATE = f"""\
 
 ruleset = "paper"         # {", ".join(RULESETS)}, or a file
 pairs = {League.n_pairs}                # of each fixture; a pair is two matches, sides swapped
-pairing = "round-robin"   # or "gauntlet", with hero = "NAME": one against all others; or "sprt", see below
+pairing = "round-robin"   # or "gauntlet", with challenger = "NAME": one against all others; or "sprt", see below
 maps = "paired"           # or "fresh": no map twice, for programs and others who remember from match to match
 venue = "network"         # every entry and the referee a process of its own
                           # or "local": all in one process, no clock; or "ray": local, spread over a cluster
@@ -37,7 +37,7 @@ slots = {League.slots}                 # matches that an entry plays at once
 # memory_mb = 6000
 # cpu_s = 3600
 
-# [sprt]                  # pairing = "sprt": is the first of two entries, or hero = "NAME", better than the other?
+# [sprt]                  # pairing = "sprt": is the first of two entries, or challenger = "NAME", better than the other?
 # elo0 = 0                # "no": at most so much better, in Elo
 # elo1 = 50               # "yes": at least so much better; the nearer both are, the more pairs it takes
 # alpha = 0.05            # how often "yes" may be said of one that is no better than elo0

@@ -5,7 +5,7 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.stats import rankdata
@@ -35,17 +35,17 @@ class Rating:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ratings:
-    """All entries, and what the sides and draws are worth."""
+    """All entries, and what the sides and draws are worth, as far as a method knows it."""
 
     entries: Mapping[str, Rating]
-    superiority: Mapping[tuple[str, str], float]
+    superiority: Mapping[tuple[str, str], float] = field(default_factory=dict)
     """How likely the first is to be the stronger: its share of the bootstrap's draws, one with equal strengths counting half."""
-    side_elo: float
+    side_elo: float = 0.0
     """What playing blue adds."""
-    side_elo_low: float
-    side_elo_high: float
-    draw_rate: float
-    """Share of draws between equals."""
+    side_elo_low: float = 0.0
+    side_elo_high: float = 0.0
+    draw_rate: float | None = None
+    """Share of draws between equals; None from a method without a model of draws, which expects no score of any fixture."""
 
     @property
     def is_side_favoured(self) -> bool:
@@ -53,7 +53,7 @@ class Ratings:
         return self.side_elo_low > 0 or self.side_elo_high < 0
 
 
-def rate(names: Sequence[str], outcomes: Iterable[Outcome], *, are_maps_fresh: bool = False, n_draws: int = N_DRAWS) -> Ratings:
+def rate(names: Sequence[str], outcomes: Sequence[Outcome], *, are_maps_fresh: bool = False, n_draws: int = N_DRAWS) -> Ratings:
     """Rate the entries of a league.
 
     Parameters

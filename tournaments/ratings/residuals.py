@@ -85,13 +85,15 @@ class Cycle:
 
 
 def find_residuals(ratings: Ratings, outcomes: Iterable[Outcome]) -> tuple[Residual, ...]:
-    """Return every fixture that was played, the most surprising first.
+    """Return every fixture that was played, the most surprising first; none by a method that expects no scores.
 
     Parameters
     ----------
     ratings
         Of these outcomes.
     """
+    if ratings.draw_rate is None:
+        return ()
     names = sorted(ratings.entries)
     index = {name: number for number, name in enumerate(names)}
     nu = 2 * ratings.draw_rate / (1 - ratings.draw_rate)

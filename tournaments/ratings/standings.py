@@ -13,6 +13,7 @@ import numpy as np
 from arena.game.types import Team, Termination
 from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
+from tournaments.ratings.methods import RatingMethod
 from tournaments.ratings.rate import N_DRAWS, Rating, rate
 from tournaments.ratings.residuals import Cycle, Residual, find_cycles, find_residuals
 
@@ -108,7 +109,7 @@ class Standings:
     """Every fixture beside what the ratings expect of it, the most surprising first."""
     cycles: tuple[Cycle, ...]
     side: SideBias
-    draw_rate: float
+    draw_rate: float | None
     """Share of draws between equals, as the ratings see it."""
     endings: Mapping[str, int]
     n_matches: int
@@ -127,7 +128,12 @@ class _Seen:
 
 
 def stand(
-    names: Iterable[str], outcomes: Iterable[Outcome], *, are_maps_fresh: bool = False, n_draws: int = N_DRAWS
+    names: Iterable[str],
+    outcomes: Iterable[Outcome],
+    *,
+    are_maps_fresh: bool = False,
+    n_draws: int = N_DRAWS,
+    method: RatingMethod = rate,
 ) -> Standings:
     """Return the table of a league.
 
@@ -155,7 +161,7 @@ def stand(
                 entry.p50s_s.append(seat.latency_p50_s)
             if seat.latency_p99_s is not None:
                 entry.p99s_s.append(seat.latency_p99_s)
-    ratings = rate(names, outcomes, are_maps_fresh=are_maps_fresh, n_draws=n_draws)
+    ratings = method(names, outcomes, are_maps_fresh=are_maps_fresh, n_draws=n_draws)
     rows = [
         Standing(
             name=name,

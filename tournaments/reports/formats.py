@@ -9,7 +9,7 @@ from pathlib import Path
 
 from arena.console import format_table
 from arena.errors import InputError
-from tournaments.reports.report import MOST_TOLD, Report, fault_kinds, leaderboard, rounded, row_facts, summary, to_facts
+from tournaments.reports.report import MOST_TOLD, Report, fault_kinds, leaderboard, rounded, row_to_dict, summary, to_document
 
 
 def render(report: Report, form: str, page: Path, journals: Path) -> str:
@@ -40,7 +40,7 @@ def save(path: Path, text: str) -> None:
 
 def to_json(report: Report) -> str:
     """Return the report as one JSON document."""
-    return json.dumps(to_facts(report), indent=2, ensure_ascii=False) + "\n"
+    return json.dumps(to_document(report), indent=2, ensure_ascii=False) + "\n"
 
 
 def to_text(report: Report) -> str:
@@ -54,7 +54,7 @@ def to_markdown(report: Report) -> str:
     names = [row.name for row in standings.rows]
     lines = [f"# {_plain(report.league.name)}", "", *_table(*leaderboard(report)), ""]
     lines += [f"- {_plain(line)}" for line in summary(report)]
-    if standings.n_matches:
+    if standings.n_matches and standings.superiority:
         chances = [(one, *(_percent(standings.superiority.get((one, other))) for other in names)) for one in names]
         lines += ["", "## How likely the row is stronger than the column, in percent", "", *_table(("entry", *names), chances)]
     if standings.residuals:
@@ -87,7 +87,7 @@ def _plain(text: str) -> str:
 def to_csv(report: Report) -> str:
     """Return the leaderboard as CSV: a row for each entry, an empty cell for what is not known."""
     standings = report.standings.rows
-    facts = [row_facts(row) for row in standings]
+    facts = [row_to_dict(row) for row in standings]
     columns = [name for name in (facts[0] if facts else ()) if name != "faults"]
     kinds = fault_kinds(standings)
     text = StringIO()

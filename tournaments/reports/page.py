@@ -16,6 +16,7 @@ from jinja2 import Environment, StrictUndefined, Template
 from arena.records.journal import journal_name
 from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
+from tournaments.ratings.methods import DEFAULT
 from tournaments.ratings.standings import Standing
 from tournaments.reports.charts import chance_map, heat_map, rating_plot, say_record, side_plot
 from tournaments.reports.report import LATENCY_NOTE, MOST_TOLD, Report, fault_kinds, rank_range, verdict_lines, warnings
@@ -54,6 +55,7 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
     found = {} if is_listed else {pair: _letters(report.league, pair, fixtures[pair]) for pair in fixtures}
     return _template().render(
         report=report,
+        default_method=DEFAULT,
         league=report.league,
         standings=standings,
         rows=standings.rows,
@@ -65,7 +67,7 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
         side=side_plot(standings.side),
         sides=(("blue", standings.side.blue_wins), ("drawn", standings.side.draws), ("red", standings.side.red_wins)),
         heat=heat_map(standings),
-        chances=chance_map(standings) if standings.n_matches else {},
+        chances=chance_map(standings) if standings.n_matches and standings.superiority else {},
         residuals=standings.residuals[:MOST_TOLD],
         verdict=verdict_lines(report),
         warnings=warnings(report),

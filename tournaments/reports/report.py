@@ -1,4 +1,4 @@
-"""A league's report: its facts as one document, its leaderboard, and what there is to say of it. `formats` writes it.
+"""A league's report: one document, its leaderboard, and what there is to say of it. `formats` writes it.
 
 The same results give the same document to the byte, however often the league was stopped on its way: what a clock measured, and
 when the report was written, stands under the one key `wall`.
@@ -11,10 +11,11 @@ from typing import Any
 
 from tournaments.league.schedule import count_matches
 from tournaments.outcome import Outcome
+from tournaments.ratings.methods import DEFAULT, find_method
 from tournaments.ratings.rate import N_DRAWS
 from tournaments.ratings.sprt import PAIR_SCORES
 from tournaments.ratings.standings import Standing, Standings, stand
-from tournaments.running.duel import Duel, duel_facts, judge
+from tournaments.running.duel import Duel, judge
 from tournaments.store.store import StoredLeague
 
 FORMAT = 1
@@ -31,6 +32,7 @@ class Report:
 
     league: StoredLeague
     standings: Standings
+    rating_method: str = DEFAULT
     outcomes: tuple[Outcome, ...]
     n_planned: int
     secret: bytes | None
@@ -54,16 +56,24 @@ def make_report(
     *,
     n_draws: int = N_DRAWS,
     findings: Iterable[str] = (),
+    rating_method: str = DEFAULT,
 ) -> Report:
     """Return the report of a league; its secret is told only if no match is left to be played."""
-    test = judge(league.facts, outcomes := tuple(outcomes))
+    test = judge(league.definition, outcomes := tuple(outcomes))
     counted = outcomes if test is None else test.outcomes
-    names = list(league.facts["entries"])
+    names = list(league.definition["entries"])
     report = Report(
         league=league,
-        standings=stand(names, counted, are_maps_fresh=league.facts.get("maps") == "fresh", n_draws=n_draws),
+        standings=stand(
+            names,
+            counted,
+            are_maps_fresh=league.definition.get("maps") == "fresh",
+            n_draws=n_draws,
+            method=find_method(rating_method),
+        ),
+        rating_method=rating_method,
         outcomes=counted,
-        n_planned=count_matches(len(names), league.n_pairs, is_gauntlet="hero" in league.facts),
+        n_planned=count_matches(len(names), league.n_pairs, is_gauntlet="challenger" in league.definition),
         secret=secret,
         written_at=datetime.now(UTC),
         duel=test,
@@ -72,7 +82,7 @@ def make_report(
     return report if report.is_complete else replace(report, secret=None)
 
 
-def to_facts(report: Report) -> dict[str, Any]:
+def to_document(report: Report) -> dict[str, Any]:
     """Return the report as what JSON can hold; numbers are rounded to what they can mean."""
     league, standings = report.league, report.standings
     return {
@@ -80,9 +90,9 @@ def to_facts(report: Report) -> dict[str, Any]:
         "league": {
             "name": league.name,
             "hash": league.hash,
-            **league.facts,
+            **league.definition,
             "secret": None if report.secret is None else report.secret.hex(),
-            "secret_commitment": league.facts.get("secret"),
+            "secret_commitment": league.definition.get("secret"),
             "pairs": league.n_pairs,
         },
         "matches": {
@@ -92,7 +102,8 @@ def to_facts(report: Report) -> dict[str, Any]:
             "ticks": standings.n_ticks,
             "endings": dict(standings.endings),
         },
-        "standings": [row_facts(row) for row in standings.rows],
+        **({} if report.rating_method == DEFAULT else {"rating_method": report.rating_method}),
+        "standings": [row_to_dict(row) for row in standings.rows],
         "cross": {
             row.name: {
                 other.name: asdict(record) | {"score": rounded(record.score, 4)}
@@ -103,7 +114,7 @@ def to_facts(report: Report) -> dict[str, Any]:
         },
         "superiority": {
             row.name: {
-                other.name: rounded(standings.superiority[row.name, other.name], 4)
+                other.name: rounded(standings.superiority.get((row.name, other.name)), 4)
                 for other in standings.rows
                 if other.name != row.name
             }
@@ -117,7 +128,7 @@ def to_facts(report: Report) -> dict[str, Any]:
             {"entries": list(cycle.entries), "scores": [rounded(score, 4) for score in cycle.scores], "p": rounded(cycle.p, 6)}
             for cycle in standings.cycles
         ],
-        **({} if report.duel is None else {"sprt": duel_facts(report.duel, league.n_pairs)}),
+        **({} if report.duel is None else {"sprt": report.duel.to_dict(league.n_pairs)}),
         "wall": {
             "written_at": report.written_at.isoformat(timespec="seconds"),
             "latency": {row.name: None if row.latency is None else asdict(row.latency) for row in standings.rows},
@@ -125,7 +136,7 @@ def to_facts(report: Report) -> dict[str, Any]:
     }
 
 
-def row_facts(row: Standing) -> dict[str, Any]:
+def row_to_dict(row: Standing) -> dict[str, Any]:
     """Return a row of the leaderboard as what JSON can hold."""
     rating, record = row.rating, row.record
     return {
@@ -226,7 +237,7 @@ def verdict_lines(report: Report) -> list[str]:
         test.verdict(report.league.n_pairs),
         f"log likelihood ratio {test.sprt.llr:+.2f}: no at {low:+.2f}, yes at {high:+.2f} "
         f"(elo0 {test.sprt.elo0:g}, elo1 {test.sprt.elo1:g}, alpha {test.sprt.alpha:g}, beta {test.sprt.beta:g})",
-        f"pairs by points of {test.hero}: {counts}",
+        f"pairs by points of {test.challenger}: {counts}",
     ]
     if test.n_beyond:
         lines.append(f"{test.n_beyond:,} matches beyond the deciding pair are stored and do not count")
@@ -239,17 +250,18 @@ def summary(report: Report) -> list[str]:
     side = standings.side
     endings = ", ".join(f"{n:,} by {name.replace('_', ' ')}" for name, n in standings.endings.items())
     played = f"{standings.n_matches:,} of {report.n_planned:,}" if not report.is_complete else f"{standings.n_matches:,}"
-    lines = [f"league {league.name}: {played} matches{f' ({endings})' if endings else ''}; rules {league.facts['ruleset']}"]
+    lines = [f"league {league.name}: {played} matches{f' ({endings})' if endings else ''}; rules {league.definition['ruleset']}"]
     if standings.n_matches:
         verdict = "a side is favoured" if side.is_significant else "no side is shown to be favoured"
         lines.append(
             f"blue won {side.blue_wins:,}, red won {side.red_wins:,}; blue's points less red's {side.bias:+.3f} a match "
             f"({side.bias_low:+.3f} to {side.bias_high:+.3f}): {verdict}"
         )
-        lines.append(
-            f"drawn {side.draws:,} ({side.draws / standings.n_matches:.1%}); "
-            f"two of equal strength would draw {standings.draw_rate:.1%} of their matches"
-        )
+        drawn = f"drawn {side.draws:,} ({side.draws / standings.n_matches:.1%})"
+        rate = standings.draw_rate
+        lines.append(drawn if rate is None else f"{drawn}; two of equal strength would draw {rate:.1%} of their matches")
+    if report.rating_method != DEFAULT:
+        lines.append(f"ratings by the method {report.rating_method}")
     if any(row.latency for row in standings.rows):
         lines.append(LATENCY_NOTE)
     lines += [f"test: {sentence}" for sentence in verdict_lines(report)]

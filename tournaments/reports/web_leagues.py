@@ -9,7 +9,7 @@ from typing import Any
 from arena.errors import ArenaError, InputError, JournalError
 from arena.records.journal import journal_name
 from arena.records.plan import LeagueMatchId
-from tournaments.reports.report import make_report, to_facts
+from tournaments.reports.report import make_report, to_document
 from tournaments.running.scheduler import Folders
 from tournaments.store.store import Store
 
@@ -45,7 +45,7 @@ class Leagues:
                 return facts
             outcomes = store.outcomes(league)
         report = make_report(league, outcomes, n_draws=_N_DRAWS)
-        facts = to_facts(make_report(league, outcomes) if report.is_complete else report)
+        facts = to_document(make_report(league, outcomes) if report.is_complete else report)
         facts["results"] = [
             {
                 "identity": one.identity,

@@ -25,7 +25,7 @@ _GROWTH = 4
 class Duel:
     """A test of one entry against another, as far as its pairs have been played."""
 
-    hero: str
+    challenger: str
     """Who may be the better one."""
     other: str
     sprt: Sprt
@@ -42,7 +42,7 @@ class Duel:
 
     def verdict(self, most_pairs: int) -> str:
         """Return in words what the test says."""
-        sprt, better = self.sprt, f"{self.hero} is better than {self.other}"
+        sprt, better = self.sprt, f"{self.challenger} is better than {self.other}"
         if sprt.verdict is Verdict.ACCEPTED:
             return f"{better}: {sprt.elo1:g} Elo rather than {sprt.elo0:g}, decided at pair {sprt.n_pairs}"
         if sprt.verdict is Verdict.REJECTED:
@@ -51,20 +51,38 @@ class Duel:
             return f"it is not decided yet whether {better}, after {sprt.n_pairs} of at most {most_pairs} pairs"
         return f"it stays undecided whether {better}, after all {most_pairs} pairs; raise `pairs` and run the league again"
 
+    def to_dict(self, most_pairs: int) -> dict[str, Any]:
+        """Return what a report's document says of the test."""
+        sprt, (low, high) = self.sprt, self.sprt.bounds
+        bounds = asdict(sprt)
+        return {
+            "challenger": self.challenger,
+            "other": self.other,
+            **{name: bounds[name] for name in ("elo0", "elo1", "alpha", "beta")},
+            "verdict": sprt.verdict.value,
+            "says": self.verdict(most_pairs),
+            "pairs": sprt.n_pairs,
+            "pentanomial": list(sprt.counts),
+            "llr": round(sprt.llr, 4),
+            "llr_low": round(low, 4),
+            "llr_high": round(high, 4),
+            "matches_beyond": self.n_beyond,
+        }
 
-def judge(facts: Mapping[str, Any], outcomes: Iterable[Outcome]) -> Duel | None:
-    """Return the test of a league, given its stored facts; None if it plays none."""
-    if "sprt" not in facts:
+
+def judge(definition: Mapping[str, Any], outcomes: Iterable[Outcome]) -> Duel | None:
+    """Return the test of a league, given its stored definition; None if it plays none."""
+    if "sprt" not in definition:
         return None
     outcomes = tuple(outcomes)
-    hero = facts["hero"]
-    [other] = set(facts["entries"]) - {hero}
+    challenger = definition["challenger"]
+    [other] = set(definition["entries"]) - {challenger}
     complete = list(_complete_row(outcomes))
-    sprt = Sprt(**facts["sprt"]).run(pair_scores((outcome for pair in complete for outcome in pair), hero))
+    sprt = Sprt(**definition["sprt"]).run(pair_scores((outcome for pair in complete for outcome in pair), challenger))
     counted = tuple(outcome for pair in complete[: sprt.n_pairs] for outcome in pair)
     is_decided = sprt.verdict is not Verdict.GOING_ON
     return Duel(
-        hero=hero,
+        challenger=challenger,
         other=other,
         sprt=sprt,
         outcomes=counted if is_decided else outcomes,
@@ -99,22 +117,3 @@ def next_batch(plans: Sequence[MatchPlan], done: Iterable[str]) -> list[MatchPla
             return left
         begin = end
     return []
-
-
-def duel_facts(duel: Duel, most_pairs: int) -> dict[str, Any]:
-    """Return what a report's document says of a test."""
-    low, high = duel.sprt.bounds
-    bounds = asdict(duel.sprt)
-    return {
-        "hero": duel.hero,
-        "other": duel.other,
-        **{name: bounds[name] for name in ("elo0", "elo1", "alpha", "beta")},
-        "verdict": duel.sprt.verdict.value,
-        "says": duel.verdict(most_pairs),
-        "pairs": duel.sprt.n_pairs,
-        "pentanomial": list(duel.sprt.counts),
-        "llr": round(duel.sprt.llr, 4),
-        "llr_low": round(low, 4),
-        "llr_high": round(high, 4),
-        "matches_beyond": duel.n_beyond,
-    }

@@ -28,7 +28,7 @@ from policies.program import PREFIX as PROGRAM
 from policies.registry import OWN, load
 from tournaments.league.entries import public_key_of
 from tournaments.league.limits import NO_LIMITS, Limits
-from tournaments.venues.sandbox import Confined
+from tournaments.venues.sandbox import SandboxedProcess
 
 PATIENCE_S = 60.0
 """What is not ready to play by then is taken not to be at all; a large network is loaded in it."""
@@ -41,7 +41,7 @@ _SAYS = "arena: "
 _READY = "ready"
 
 
-def rehearse(
+def check_entries(
     entries: Mapping[str, str], ruleset: Ruleset, homes: Path, limits: Limits = NO_LIMITS, *, patience_s: float = PATIENCE_S
 ) -> None:
     """Return if every entry can start.
@@ -91,14 +91,14 @@ def _try(spec: str, ruleset: Ruleset, home: Path, limits: Limits, patience_s: fl
         *(["limited"] if limits != NO_LIMITS else []),
     ]
     with tempfile.TemporaryFile() as log:
-        confined = Confined(command, limits, home, log)
+        sandboxed = SandboxedProcess(command, limits, home, log)
         code, give_up_at_s = None, time.monotonic() + patience_s
         try:
             while code is None and not is_over.is_set() and time.monotonic() < give_up_at_s:
                 with suppress(TimeoutExpired):
-                    code = confined.process.wait(_POLL_S)
+                    code = sandboxed.process.wait(_POLL_S)
         finally:
-            confined.end(0)
+            sandboxed.end(0)
         log.seek(0)
         lines = [line.strip() for line in log.read().decode("utf-8", "replace").splitlines() if line.strip()]
     said = [line.removeprefix(_SAYS) for line in lines if line.startswith(_SAYS)]
@@ -133,7 +133,7 @@ def _open_session() -> None:
     import clients.runner  # noqa: F401
     from arena.network.session import free_port, open_router
 
-    open_router(f"tcp/127.0.0.1:{free_port()}", "rehearsal")
+    open_router(f"tcp/127.0.0.1:{free_port()}", "preflight")
 
 
 def _start(spec: str, ruleset: Ruleset) -> None:

@@ -10,10 +10,10 @@ from tournaments.store.store import Store, StoredLeague
 
 def progress_of(store: Store, league: StoredLeague) -> dict[str, Any]:
     """Return how many matches of a league are stored, and whether it is over; of a test, `planned` is the most."""
-    n_entries = len(league.facts["entries"])
-    n_planned = count_matches(n_entries, league.n_pairs, is_gauntlet="hero" in league.facts)
+    n_entries = len(league.definition["entries"])
+    n_planned = count_matches(n_entries, league.n_pairs, is_gauntlet="challenger" in league.definition)
     n_played = store.count(league)
-    test = judge(league.facts, store.outcomes(league)) if "sprt" in league.facts else None
+    test = judge(league.definition, store.outcomes(league)) if "sprt" in league.definition else None
     return {
         "league": league.name,
         "entries": n_entries,

@@ -5,7 +5,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from arena.errors import ArenaError
 from arena.game.types import Termination
@@ -19,13 +18,10 @@ from tournaments.running.duel import judge, next_batch
 from tournaments.store.lock import lock_file
 from tournaments.store.store import Store, StoredLeague
 from tournaments.venues.recovery import set_aside
-
-if TYPE_CHECKING:
-    from tournaments.venues.venue import Setting
+from tournaments.venues.setting import Venue, VenueSetting
 
 MOST_ROUNDS = 3
 """Times that matches which the pit spoiled are played again."""
-Venue = Callable[["Setting", Sequence[MatchPlan]], Iterator[Outcome]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,10 +74,10 @@ class Scheduler:
         before = store.find(league.name)
         n_results = 0 if before is None else store.count(before)
         self.secret = find_secret(league, self._folders.keys, may_make=n_results == 0)
-        facts = {**league.facts, "secret": commit_to(self.secret)}
-        if n_results == 0 and (before is None or find_edit(before.facts, facts) is not None):
+        definition = {**league.definition, "secret": commit_to(self.secret)}
+        if n_results == 0 and (before is None or find_edit(before.definition, definition) is not None):
             set_aside(self._folders.journals(league.name))
-        self.row: StoredLeague = store.enter(league.name, facts, league.n_pairs)
+        self.row: StoredLeague = store.enter(league.name, definition, league.n_pairs)
         self._plans = plan_league(league, self.secret)
         self._done = store.identities(self.row)
         self.n_matches = len(self._plans)
@@ -109,10 +105,8 @@ class Scheduler:
         ArenaError
             Matches were void again and again: the pit spoils them, or the venue does not play them.
         """
-        from tournaments.venues.venue import Setting
-
         league = self._league
-        setting = Setting(
+        setting = VenueSetting(
             ruleset=league.ruleset, entries=league.entries, time_control=league.time_control, slots=league.slots,
             journals=self._folders.journals(league.name), keys=self._folders.keys / league.name,
             homes=self._folders.homes(league.name), limits=league.limits, remote=league.remote, listen=league.listen,
@@ -124,7 +118,7 @@ class Scheduler:
 
     def _next(self) -> list[MatchPlan]:
         """Return what is to be played next: all that is left, or of a test so much that it can be looked at again."""
-        duel = judge(self.row.facts, self._store.outcomes(self.row)) if self._league.sprt is not None else None
+        duel = judge(self.row.definition, self._store.outcomes(self.row)) if self._league.sprt is not None else None
         if duel is None:
             return [plan for plan in self._plans if plan.identity not in self._done]
         return [] if duel.is_decided else next_batch(self._plans, self._done)

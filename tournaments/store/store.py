@@ -1,8 +1,8 @@
 """Results in SQL, each match once: what is in here is never played again.
 
-Tables: `leagues`, a row of facts each; `matches`, a row for each match that ended, its identity unique. SQLite in WAL mode, so
-that reports can be read while a league runs; or PostgreSQL, which may be killed and come back while a league runs. A commit
-reaches the system at once: a killed process loses nothing.
+Tables: `leagues`, a row with the definition of each; `matches`, a row for each match that ended, its identity unique. SQLite in
+WAL mode, so that reports can be read while a league runs; or PostgreSQL, which may be killed and come back while a league runs. A
+commit reaches the system at once: a killed process loses nothing.
 """
 
 import json
@@ -23,7 +23,7 @@ from sqlalchemy.exc import DatabaseError
 from arena.errors import UnknownNameError
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult
-from tournaments.league.edits import find_edit, hash_facts
+from tournaments.league.edits import find_edit, hash_definition
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.store.lock import TakenError, lock_file
 from tournaments.store.migrations.upgrade import upgrade
@@ -33,6 +33,8 @@ __all__ = ["Store", "StoreError", "StoredLeague", "TakenError"]
 
 PATIENCE_S = 30.0
 """How long a server may be away in the middle of a league."""
+_STORED_NAMES = {"challenger": "hero"}
+"""Keys of a definition that rows hold under another name: a league's hash, too, is of these."""
 T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
@@ -44,8 +46,8 @@ class StoredLeague:
     id: int
     name: str
     hash: str
-    facts: Mapping[str, Any]
-    """`League.facts`, and under `secret` what binds it to its secret."""
+    definition: Mapping[str, Any]
+    """`League.definition`, and under `secret` what binds it to its secret."""
     n_pairs: int
 
 
@@ -132,24 +134,24 @@ class Store:
             del self._sessions[league]
             session.release()
 
-    def enter(self, name: str, facts: Mapping[str, Any], n_pairs: int) -> StoredLeague:
+    def enter(self, name: str, definition: Mapping[str, Any], n_pairs: int) -> StoredLeague:
         """Return the row of a league that is about to be run, made if need be.
 
         Raises
         ------
         StoreError
-            It has results that were played under other facts, or more pairs; the sentence names the edit.
+            It has results that were played under another definition, or more pairs; the sentence names the edit.
         """
         before = self.find(name)
         if before is not None and self.count(before) > 0:
-            edit = find_edit(before.facts, facts)
+            edit = find_edit(before.definition, definition)
             if edit is None and n_pairs < before.n_pairs:
                 edit = f"pairs were lowered (were {before.n_pairs}, are {n_pairs})"
             if edit is not None:
                 raise StoreError(f"league {name} has results, and {edit}: undo that, or give the league another name")
-        values = {
-            "hash": hash_facts(facts), "facts": json.dumps(facts, sort_keys=True), "n_pairs": n_pairs, "run_at": time.time(),
-        }  # fmt: skip
+        stored = _rename(definition, _STORED_NAMES)
+        facts = json.dumps(stored, sort_keys=True)
+        values = {"hash": hash_definition(stored), "facts": facts, "n_pairs": n_pairs, "run_at": time.time()}
         row = self._insert(LEAGUES).values(name=name, **values).on_conflict_do_update(index_elements=["name"], set_=values)
         self._do("write to", lambda connection: connection.execute(row), name)
         found = self.find(name)
@@ -184,7 +186,13 @@ class Store:
     def _leagues(self, query: Any) -> list[StoredLeague]:
         rows = self._do("read", lambda connection: connection.execute(query).all())
         return [
-            StoredLeague(id=row.id, name=row.name, hash=row.hash, facts=json.loads(row.facts), n_pairs=row.n_pairs)
+            StoredLeague(
+                id=row.id,
+                name=row.name,
+                hash=row.hash,
+                definition=_rename(json.loads(row.facts), {old: name for name, old in _STORED_NAMES.items()}),
+                n_pairs=row.n_pairs,
+            )
             for row in rows
         ]
 
@@ -277,6 +285,10 @@ class _LockedSession:
                 with connection.begin():
                     connection.execute(select(func.pg_advisory_unlock(self._number)))
         connection.close()
+
+
+def _rename(definition: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
+    return {names.get(key, key): value for key, value in definition.items()}
 
 
 def _clean(words: str) -> str:

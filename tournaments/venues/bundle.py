@@ -14,7 +14,7 @@ from tournaments.league.entries import kind_of_file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Parcel:
+class Bundle:
     """The fighters behind entries."""
 
     specs: Mapping[str, str]
@@ -37,7 +37,7 @@ class Parcel:
         return {name: places.get(spec, spec) for name, spec in self.specs.items()}
 
 
-def pack(specs: Mapping[str, str]) -> Parcel:
+def pack(specs: Mapping[str, str]) -> Bundle:
     """Pack the fighters behind entries.
 
     Raises
@@ -53,7 +53,7 @@ def pack(specs: Mapping[str, str]) -> Parcel:
                 files[spec] = Path(spec).read_bytes()
             except OSError as error:
                 raise InputError(f"cannot read the {kind} {spec}: {error.strerror}") from error
-    return Parcel(specs=dict(specs), files=files)
+    return Bundle(specs=dict(specs), files=files)
 
 
 def _place(spec: str, content: bytes) -> str:

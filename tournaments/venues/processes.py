@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from arena.errors import ArenaError, InputError
 from arena.game.engine import warm
@@ -30,10 +29,8 @@ from arena.pit.register import Register
 from arena.pit.seating import PlannedSeating
 from arena.records.plan import MatchPlan
 from tournaments.outcome import Outcome, SeatOutcome
-from tournaments.venues.sandbox import Confined
-
-if TYPE_CHECKING:
-    from tournaments.venues.venue import Setting
+from tournaments.venues.sandbox import SandboxedProcess
+from tournaments.venues.setting import VenueSetting
 
 MOST_DEATHS = 3
 """Times in a row that a process which died young is started anew."""
@@ -46,30 +43,30 @@ _GOODBYE_S = 5
 logger = logging.getLogger(__name__)
 
 
-class _Lives:
-    """How often a process may still die."""
+class _RestartLimit:
+    """Counts how often a process died young, and says when it is to be started no more."""
 
     def __init__(self, who: str, log: Path) -> None:
         self._who, self._log = who, log
         self._n_deaths, self._born_at_s = 0, 0.0
 
-    def begin(self) -> None:
+    def note_start(self) -> None:
         """Count from here how long it lives."""
         self._born_at_s = time.monotonic()
 
-    def end(self) -> None:
+    def note_death(self) -> None:
         """Count a death."""
         lived_s = time.monotonic() - self._born_at_s
         self._n_deaths = self._n_deaths + 1 if lived_s < YOUNG_S else 1
 
     @property
-    def are_spent(self) -> bool:
-        """Whether it dies again and again."""
+    def is_reached(self) -> bool:
+        """Whether it died too often."""
         return self._n_deaths > MOST_DEATHS
 
-    def obituary(self, last_words: str = "") -> str:
+    def failure_message(self, reason: str = "") -> str:
         """Return how it died, in one sentence."""
-        why = f": {last_words}" if last_words else f"; {self._log} says why"
+        why = f": {reason}" if reason else f"; {self._log} says why"
         return f"{self._who} died {self._n_deaths} times in a row{why}"
 
 
@@ -86,10 +83,10 @@ class _Absence:
 class RefereeProcess:
     """The referee of a league in a process of its own, heard over a pipe; what it says goes to a log beside the journals."""
 
-    def __init__(self, setting: "Setting", address: Address, entries: Mapping[str, bytes]) -> None:
+    def __init__(self, setting: VenueSetting, address: Address, entries: Mapping[str, bytes]) -> None:
         self._setting, self._address, self._entries = setting, address, dict(entries)
         self._context = multiprocessing.get_context("spawn")
-        self._lives = _Lives("the referee", setting.journals / _REFEREE_LOG)
+        self._restarts = _RestartLimit("the referee", setting.journals / _REFEREE_LOG)
         self._error: ArenaError | None = None
 
     def __enter__(self) -> "RefereeProcess":
@@ -103,26 +100,26 @@ class RefereeProcess:
     def start(self, plans: Sequence[MatchPlan]) -> None:
         """Start with matches to be played, and wait until the pit is open."""
         while True:
-            self._heard, said = self._context.Pipe(duplex=False)
+            self._pipe, said = self._context.Pipe(duplex=False)
             self._process = self._context.Process(
                 target=_referee,
                 args=(said, self._address, self._entries, self._setting, list(plans)),
                 name="referee",
                 daemon=True,
             )
-            self._lives.begin()
+            self._restarts.note_start()
             self._process.start()
             said.close()
             try:
-                error = self._heard.recv()  # it compiles its kernels first, if need be, and clients would not wait for that
+                error = self._pipe.recv()  # it compiles its kernels first, if need be, and clients would not wait for that
             except (EOFError, OSError):
-                self.bury()
+                self.reap()
             else:
                 if error is None:
                     return
-                self.bury(str(error))
+                self.reap(str(error))
 
-    def hear(self) -> list[Outcome]:
+    def receive(self) -> list[Outcome]:
         """Return the matches that ended meanwhile.
 
         Raises
@@ -132,34 +129,34 @@ class RefereeProcess:
         ArenaError
             It cannot go on, as when its disk is full.
         """
-        heard: list[Outcome] = []
+        ended: list[Outcome] = []
         try:
-            while self._heard.poll(0 if heard else _POLL_S):
-                told = self._heard.recv()
-                if isinstance(told, ArenaError):
-                    self._error = told
+            while self._pipe.poll(0 if ended else _POLL_S):
+                message = self._pipe.recv()
+                if isinstance(message, ArenaError):
+                    self._error = message
                     break
-                heard.append(told)
+                ended.append(message)
         except (EOFError, OSError):  # the latter, where it was killed within a message
-            if not heard:
+            if not ended:
                 raise EOFError from None
-        if self._error is not None and not heard:
+        if self._error is not None and not ended:
             raise self._error
-        return heard
+        return ended
 
-    def bury(self, last_words: str = "") -> None:
+    def reap(self, reason: str = "") -> None:
         """Take note of a referee that is gone; `ArenaError` if that happens again and again."""
         self._process.join()
-        self._heard.close()
-        self._lives.end()
-        if self._lives.are_spent:
-            raise ArenaError(self._lives.obituary(last_words))
+        self._pipe.close()
+        self._restarts.note_death()
+        if self._restarts.is_reached:
+            raise ArenaError(self._restarts.failure_message(reason))
 
 
 class ClientProcess:
     """`arena join` as a process; what it says goes to a log beside the journals."""
 
-    def __init__(self, setting: "Setting", address: Address, name: str) -> None:
+    def __init__(self, setting: VenueSetting, address: Address, name: str) -> None:
         self.name = name
         self._log = setting.journals / f"{name}.log"
         self._limits, self._home = setting.limits, setting.homes / name
@@ -184,22 +181,22 @@ class ClientProcess:
             "--patience",
             str(_PATIENCE_S),
         ]
-        self._lives = _Lives(f"the client of {name}", self._log)
+        self._restarts = _RestartLimit(f"the client of {name}", self._log)
         self._grace_s = setting.time_control.grace_s
         self._away: _Absence | None = None
         self._start()
 
     def _start(self) -> None:
         self._away = None
-        self._lives.begin()
+        self._restarts.note_start()
         with self._log.open("ab") as log:
-            self._confined = Confined(self._command, self._limits, self._home, log)
+            self._sandboxed = SandboxedProcess(self._command, self._limits, self._home, log)
 
     def __enter__(self) -> "ClientProcess":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._confined.end(_GOODBYE_S)
+        self._sandboxed.end(_GOODBYE_S)
 
     def keep_alive(self, n_left: int) -> None:
         """Start the client anew if it died, while it still has matches to play.
@@ -217,29 +214,29 @@ class ClientProcess:
         ArenaError
             It died again and again, and no match was there to be ruled on: it does not come as far as that.
         """
-        if n_left == 0 or (self._away is None and self._confined.process.poll() is None):
+        if n_left == 0 or (self._away is None and self._sandboxed.process.poll() is None):
             return
         if self._away is None:
-            self._confined.end(0)
-            self._lives.end()
-            if self._lives.are_spent:
-                logger.warning("%s; what it is in the middle of is forfeited", self._lives.obituary())
+            self._sandboxed.end(0)
+            self._restarts.note_death()
+            if self._restarts.is_reached:
+                logger.warning("%s; what it is in the middle of is forfeited", self._restarts.failure_message())
                 self._away = _Absence(n_left=n_left, give_up_at_s=time.monotonic() + self._grace_s + _PATIENCE_S)
                 return
         elif n_left == self._away.n_left:
             if time.monotonic() > self._away.give_up_at_s:
-                raise ArenaError(self._lives.obituary())
+                raise ArenaError(self._restarts.failure_message())
             return
         self._start()
 
 
-def entry_key_path(setting: "Setting", name: str) -> Path:
+def entry_key_path(setting: VenueSetting, name: str) -> Path:
     """Return where the key of an entry lives."""
     return setting.keys / "entries" / f"{name}.key"
 
 
 def _referee(
-    said: Connection, address: Address, entries: Mapping[str, bytes], setting: "Setting", plans: list[MatchPlan]
+    said: Connection, address: Address, entries: Mapping[str, bytes], setting: VenueSetting, plans: list[MatchPlan]
 ) -> None:
     """Referee the plans, and say None once the pit is open, then each outcome; an error, if it cannot go on."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -253,7 +250,9 @@ def _referee(
         said.send(InputError(str(error)) if isinstance(error, InputError) else ArenaError(str(error)))
 
 
-def _serve(said: Connection, address: Address, entries: Mapping[str, bytes], setting: "Setting", plans: list[MatchPlan]) -> None:
+def _serve(
+    said: Connection, address: Address, entries: Mapping[str, bytes], setting: VenueSetting, plans: list[MatchPlan]
+) -> None:
     """Take up the matches that were begun, and begin the others as those who play them come."""
     ours = {plan.identity for plan in plans}
     warm(setting.ruleset)  # before anybody can ask

@@ -23,7 +23,7 @@ _WATCH = "exec 3<&0; { read line <&3; kill -s KILL 0; } &"
 """Waits until the pipe on its stdin closes, as it does when whoever holds the other end is killed; then ends its session."""
 
 
-class Confined:
+class SandboxedProcess:
     """A running command, its output appended to a log. Our compiled kernels are shared with it, which saves it half a minute."""
 
     def __init__(self, command: Sequence[str], limits: Limits, home: Path, log: IO[bytes]) -> None:

@@ -52,7 +52,7 @@ def orders_of(journal: Journal) -> Iterator[dict[Team, np.ndarray]]:
 
 def wire(env: Any) -> dict[Team, bytes]:
     """Return what each seat would be sent now, on the network."""
-    games = env._episodes.games
+    games = env._episodes.game
     return {team: without_clock(ObservationWriter(seen, 0).write()) for team, seen in games.observe().items()}
 
 
@@ -132,11 +132,11 @@ def test_an_opponent_plays_as_it_does_in_the_local_venue(journal: Journal, team:
 
 def test_what_is_observed_is_what_the_observation_says(journal: Journal) -> None:
     env = parallel_env(SMALL, "teams")
-    senses, _ = env.reset(options={"keys": KEYS})
+    observations, _ = env.reset(options={"keys": KEYS})
     n_enemies = 0
     for orders in orders_of(journal):
         for team in Team:
-            told, seen = senses[team.name.lower()], env._episodes.games.observe()[team].seat(0, SMALL)
+            told, seen = observations[team.name.lower()], env._episodes.game.observe()[team].seat(0, SMALL)
             assert (told["grid"] == seen.grid).all()
             assert [(row, column, bool(alive)) for row, column, _, alive in told["units"].tolist()] == [
                 (unit.row, unit.column, unit.alive) for unit in seen.units
@@ -146,7 +146,7 @@ def test_what_is_observed_is_what_the_observation_says(journal: Journal) -> None
             assert (told["legal_actions"] == seen.legal_actions).all()
             assert (tuple(told["living"]), told["score"][0], told["tick"][0]) == (seen.living, seen.score, seen.tick)
             n_enemies += len(in_sight)
-        senses = env.step({team.name.lower(): orders[team] for team in Team})[0]
+        observations = env.step({team.name.lower(): orders[team] for team in Team})[0]
     assert n_enemies
 
 

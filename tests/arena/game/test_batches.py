@@ -122,67 +122,7 @@ def test_starting_a_row_again_leaves_the_others_alone_and_nothing_behind() -> No
         assert (now[1] == new[0]).all()
 
 
-@pytest.mark.parametrize("name", ["paper", "exp1"])
-def test_renewed_games_go_on_by_their_own_streams(name: str) -> None:
-    """Row by row, and in a batch, the same episodes; finished rows alone are drawn anew."""
-    rng = np.random.default_rng(5)
-    streams = rng.integers(0, 2**32, (6, 2), dtype=np.uint32)
-    together, alone = BatchedGame(load(name), 6), BatchedGame(load(name), 1)
-    together.start_streams(streams)
-    alone.start_streams(streams[4:5])
-    renewed = 0
-    for _ in range(250):
-        orders = random_orders(rng, together)
-        together.step(orders)
-        alone.step(orders[4:5])
-        over = together.is_over.copy()
-        before = copy_of(together)
-        assert together.renew() == over.sum()
-        alone.renew()
-        renewed += int(over.sum())
-        assert not together.is_over.any()
-        assert all((now[~over] == was[~over]).all() for now, was in zip(together.state, before.state, strict=True))
-        assert all((one[0] == many[4]).all() for one, many in zip(alone.state, together.state, strict=True))
-    assert renewed >= 6
-
-
-@pytest.mark.parametrize("name", ["paper", "exp2"])
-def test_a_turn_is_a_step_a_renewal_and_a_look(name: str) -> None:
-    rng = np.random.default_rng(6)
-    at_once, in_turn = BatchedGame(load(name), 5), BatchedGame(load(name), 5)
-    for games in (at_once, in_turn):
-        games.start_streams(np.arange(10, dtype=np.uint32).reshape(5, 2))
-    for _ in range(150):
-        orders = random_orders(rng, at_once)
-        boards = at_once.turn(orders)
-        in_turn.step(orders)
-        in_turn.renew()
-        assert bytes_of(at_once) == bytes_of(in_turn)
-        assert (boards[:, :, :400].reshape(2, 5, 20, 20) == in_turn.grids()).all()
-
-
-def test_no_two_episodes_of_a_stream_are_alike() -> None:
-    games = BatchedGame(load("paper").with_({"tick_limit": 1}), 4)
-    games.start_streams(np.arange(8, dtype=np.uint32).reshape(4, 2))
-    boards, keys = set(), set()
-    for _ in range(50):
-        boards |= {row.tobytes() for row in games.state.ground}
-        keys |= {pair.tobytes() for pair in games.state.key.reshape(-1, 2)}
-        games.step(np.zeros(games.state.cell.shape, np.int8))
-        games.renew()
-
-    assert len(boards) == 50 * 4
-    assert len(keys) == 50 * 4 * 4
-
-
 @pytest.mark.parametrize(("shape", "kind"), [((2, 11), np.int8), ((1, 12), np.int8), ((2, 12), np.int64), ((24,), np.int8)])
 def test_orders_of_another_shape_are_the_callers_fault(shape: tuple[int, ...], kind: type) -> None:
     with pytest.raises(ValueError, match=r"orders must be int8 of shape \(2, 12\)"):
         started(load("paper"), 2).step(np.zeros(shape, kind))
-
-
-def test_a_drawn_board_has_nothing_to_draw_anew() -> None:
-    rules = load("paper").with_({"board": "F..f\n....\n....\nU..u"})
-
-    with pytest.raises(ValueError, match="nothing to draw anew"):
-        BatchedGame(rules, 1).start_streams(np.zeros((1, 2), np.uint32))

@@ -12,7 +12,7 @@ from worlds import SEEDS, is_near, lay, rules_for, rulesets
 from arena.errors import BoardError
 from arena.game.draw import is_open
 from arena.game.engine import BatchedGame
-from arena.game.keys import MatchKeys, board_key
+from arena.game.keys import MatchKeys, philox_keys
 from arena.game.ruleset import RULESETS, Ruleset, load
 from arena.game.state import StateField
 from arena.game.types import Code, Team, Termination
@@ -46,7 +46,7 @@ def drawn(games: BatchedGame, row: int) -> oracle.Drawn:
 
 
 def words_of(number: int) -> oracle.Key:
-    one, other = board_key(key(number).map_key)
+    one, other = philox_keys([key(number)]).board[0]
     return int(one), int(other)
 
 
@@ -242,13 +242,6 @@ def test_a_ruleset_without_room_is_refused_in_one_sentence(overrides: dict[str, 
         "ruleset paper: none of 1000 boards had room for every unit and a way to the flag for each; "
         "use a larger side, fewer units or no obstacles"
     )
-
-
-def test_a_stream_without_room_is_refused_too() -> None:
-    rules = load("paper").with_({"side": 4, "obstacles": False, "units": {"ugv": {"red": 6}, "uav": {"red": 2}}})
-
-    with pytest.raises(BoardError, match="none of 1000 boards had room"):
-        BatchedGame(rules, 1).start_streams(np.zeros((1, 2), np.uint32))
 
 
 def test_a_half_that_is_just_full_can_be_drawn() -> None:

@@ -72,9 +72,8 @@ def another_truth(games: BatchedGame, team: Team, rng: np.random.Generator) -> M
     spare = rng.integers(0, 2**32, state.key.shape, dtype=np.uint32)
     state.key[:] = spare
     state.event[:] = rng.integers(-1, 9, state.event.shape)
-    state.stream[:] = rng.integers(0, 2**32, state.stream.shape, dtype=np.uint32)
     other._seat_keys[team.other] = rng.integers(0, 2**32, other._seat_keys[team.other].shape, dtype=np.uint32)
-    state.field[0, StateField.EPISODE], state.field[0, StateField.WINNER] = rng.integers(0, 9), rng.integers(-1, 2)
+    state.field[0, StateField.WINNER] = rng.integers(-1, 2)
     spoil_memory(other, rng)
 
     was, now = games.state, other.state

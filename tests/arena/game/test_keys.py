@@ -12,14 +12,12 @@ from hypothesis import strategies as st
 from arena.game.engine import BatchedGame
 from arena.game.keys import (
     MatchKeys,
-    board_key,
     derive_map_key,
     derive_match_key,
     expand,
     new_secret,
-    seat_keys,
+    philox_keys,
     secret_from_seed,
-    unit_keys,
 )
 from arena.game.ruleset import load
 from arena.game.state import StateField
@@ -48,18 +46,22 @@ def test_no_two_keys_are_alike(one: bytes, other: bytes) -> None:
 
 
 def test_every_team_and_purpose_has_a_key_of_its_own() -> None:
-    keys = [*unit_keys(bytes(32)).reshape(-1, 2).tolist(), *seat_keys(bytes(32)).tolist(), board_key(bytes(32)).tolist()]
+    keys = [
+        tuple(pair) for part in philox_keys([MatchKeys(map_key=bytes(32), match_key=bytes(32))]) for pair in part.reshape(-1, 2)
+    ]
 
-    assert len({tuple(key) for key in keys}) == len(keys) == 7
+    assert len(set(keys)) == len(keys) == 7
 
 
 def test_keys_are_read_alike_on_every_machine() -> None:
-    key = bytes(range(32))
+    key, map_key = bytes(range(32)), bytes(range(32, 64))
+    drawn = philox_keys([MatchKeys(map_key=bytes(32), match_key=bytes(32)), MatchKeys(map_key=map_key, match_key=key)])
 
-    assert unit_keys(key).tobytes().hex() == expand(key, "moves")[:16].hex() + expand(key, "fights")[:16].hex()
-    assert unit_keys(key)[0, 1, 0] == int.from_bytes(expand(key, "moves")[8:12], "little")
-    assert unit_keys(key)[1, 0, 1] == int.from_bytes(expand(key, "fights")[4:8], "little")
-    assert seat_keys(key)[1, 0] == int.from_bytes(expand(key, "red seed")[:4], "little")
+    assert drawn.unit[1].tobytes().hex() == expand(key, "moves")[:16].hex() + expand(key, "fights")[:16].hex()
+    assert drawn.unit[1, 0, 1, 0] == int.from_bytes(expand(key, "moves")[8:12], "little")
+    assert drawn.unit[1, 1, 0, 1] == int.from_bytes(expand(key, "fights")[4:8], "little")
+    assert drawn.seat[1, 1, 0] == int.from_bytes(expand(key, "red seed")[:4], "little")
+    assert drawn.board[1, 1] == int.from_bytes(expand(map_key, "board")[4:8], "little")
 
 
 def test_known_keys_stay_what_they_are() -> None:

@@ -2,14 +2,14 @@
 
 from arena.network.address import Address
 from arena.network.asking import ask
-from arena.network.session import Question, free_port, open_client, open_router
+from arena.network.session import Query, free_port, open_client, open_router
 
 
 def test_a_query_that_is_left_unanswered_is_sent_again() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     asked: list[bytes] = []
 
-    def answer(question: Question) -> None:
+    def answer(question: Query) -> None:
         asked.append(question.payload)
         if len(asked) > 1:
             question.answer(b"here")

@@ -27,28 +27,28 @@ def ends() -> Iterator[tuple[Session, Session]]:
         yield router, client
 
 
-def await_ears(broadcast: Broadcast, expected: bool) -> None:
+def await_subscribers(broadcast: Broadcast, expected: bool) -> None:
     tick = Event()
     for _ in range(int(WAIT_S / 0.01)):
-        if broadcast.is_heard == expected:
+        if broadcast.has_subscribers == expected:
             return
         tick.wait(0.01)
-    pytest.fail(f"is_heard stays {broadcast.is_heard}")
+    pytest.fail(f"has_subscribers stays {broadcast.has_subscribers}")
 
 
 def test_a_broadcast_knows_who_comes_and_goes(ends: tuple[Session, Session]) -> None:
     router, client = ends
     broadcast = router.broadcast("arena/p/match/m/public")
-    assert not broadcast.is_heard
+    assert not broadcast.has_subscribers
     heard: SimpleQueue[bytes] = SimpleQueue()
 
     leave = client.subscribe("arena/p/match/*/public", lambda sample: heard.put(read_payload(sample)))
-    await_ears(broadcast, True)
+    await_subscribers(broadcast, True)
     broadcast.put(b"facts")
 
     assert heard.get(timeout=WAIT_S) == b"facts"
     leave()
-    await_ears(broadcast, False)
+    await_subscribers(broadcast, False)
     broadcast.end()
 
 
@@ -56,9 +56,9 @@ def test_a_broadcast_that_begins_late_knows_who_is_there(ends: tuple[Session, Se
     router, client = ends
     first = router.broadcast("arena/p/match/m/public")
     client.subscribe("arena/p/match/*/public", lambda sample: None)
-    await_ears(first, True)
+    await_subscribers(first, True)
 
-    assert router.broadcast("arena/p/match/n/public").is_heard
+    assert router.broadcast("arena/p/match/n/public").has_subscribers
 
 
 def make_certificate(folder: Path, name: str, *, ca: bool = False) -> Certificate:

@@ -45,8 +45,8 @@ from arena.protocol.identity import Identity
 from arena.protocol.messages import (
     AdminRequest,
     Challenge,
+    ChallengeRequest,
     Ended,
-    Hello,
     History,
     JoinRequest,
     JournalRequest,
@@ -173,7 +173,7 @@ class OfflinePit:
         return None if payload is None else decode(payload)
 
     def challenge(self) -> Challenge:
-        challenge = self.reply(self.ask_to_join(encode(Hello())))
+        challenge = self.reply(self.ask_to_join(encode(ChallengeRequest())))
         assert isinstance(challenge, Challenge)
         return challenge
 
@@ -220,7 +220,7 @@ class Player:
     def send_request(self, request: JoinRequest | AdminRequest | None = None, **changes: Any) -> "Player":
         """Send a sealed request; the pit has still to open it."""
         self.attempt = Attempt(self.identity, "pit", self.pit.challenge(), request or self.join_request(**changes))
-        self.question = self.pit.ask_to_join(self.attempt.knock)
+        self.question = self.pit.ask_to_join(self.attempt.sealed)
         return self
 
     def ask(self, **changes: Any) -> Message | None:
@@ -246,6 +246,8 @@ class Player:
         """Take the seat that was given."""
         ticket = self.answer()
         assert isinstance(ticket, Ticket), ticket
+        if hasattr(self, "ticket") and self.ticket.match != ticket.match:
+            self.shown, self._n_read = [], 0
         self.ticket = ticket
         self.sealer, self.opener = self.attempt.sit(ticket.match, self.team, ticket.secret)
         return self
@@ -272,7 +274,7 @@ class Player:
 
     def order(self, actions: bytes = bytes(N_UNITS)) -> "Player":
         """Answer the turn that was shown last."""
-        tick = len(self.shown) - 1
+        tick = max(len(self.shown) - 1, 0)
         return self.send(Orders(tick=tick, actions=actions), tick)
 
     def read(self) -> list[Message]:

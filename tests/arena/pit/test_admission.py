@@ -19,13 +19,13 @@ from arena.protocol.codec import encode
 from arena.protocol.handshake import new_secret
 from arena.protocol.messages import (
     AdminRequest,
+    ChallengeRequest,
     Closed,
     Ended,
-    Hello,
     JoinRequest,
-    Knock,
     Ready,
     Refusal,
+    SealedRequest,
     Ticket,
     Wait,
 )
@@ -33,7 +33,7 @@ from arena.protocol.signed import read_statement
 
 LOW_ORDER = bytes(32)
 """A point with which every exchange ends at zero (RFC 7748, section 6.1)."""
-JUNK = encode(Knock(sealed=bytes(100)))
+JUNK = encode(SealedRequest(sealed=bytes(100)))
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_what_is_not_sealed_is_refused_at_once(pit: OfflinePit, payload: bytes, 
 
 def test_a_request_that_does_not_open_or_comes_twice_is_refused_and_counted(pit: OfflinePit) -> None:
     ann = Player(pit, "ann").send_request()
-    refused = [pit.ask_to_join(encode(Knock(sealed=b"junk" * 50))), pit.ask_to_join(ann.attempt.knock)]
+    refused = [pit.ask_to_join(encode(SealedRequest(sealed=b"junk" * 50))), pit.ask_to_join(ann.attempt.sealed)]
     pit.pass_time()
 
     assert pit.core.n_refused == 2
@@ -169,7 +169,7 @@ def test_requests_beyond_the_bound_are_dropped_and_those_before_are_opened(pit: 
 
     assert [question for question in questions if question in pit.replies] == questions[MOST_REQUESTS:]
     assert [pit.replies[question] for question in questions[MOST_REQUESTS:]] == [None, None]
-    assert pit.reply(pit.ask_to_join(encode(Hello())))
+    assert pit.reply(pit.ask_to_join(encode(ChallengeRequest())))
     pit.pass_time()
     assert all(pit.replies[question] for question in questions[:MOST_REQUESTS])
     assert pit.ask_to_join(JUNK) not in pit.replies
@@ -403,7 +403,7 @@ def ask_from_nowhere(pit: OfflinePit, **changes: Any) -> int:
     signed = encode(request)
     info = handshake._request_info("pit", PIT.public)
     sealed = handshake._seal(signed + eve.identity.sign("request", signed), challenge.sealing_key, info)
-    question = pit.ask_to_join(encode(Knock(sealed=sealed)))
+    question = pit.ask_to_join(encode(SealedRequest(sealed=sealed)))
     pit.pass_time()
     return question
 

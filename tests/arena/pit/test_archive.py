@@ -11,7 +11,7 @@ from arena.pit.archive import Archive
 from arena.pit.effects import Reply, ReplyWithJournal
 from arena.pit.events import JournalAsked
 from arena.protocol.codec import MOST_BYTES, decode, encode
-from arena.protocol.messages import Hello, JournalPiece, JournalRequest, Message, Refusal, Wait
+from arena.protocol.messages import ChallengeRequest, JournalPiece, JournalRequest, Message, Refusal, Wait
 from arena.records.journal import Header
 
 HeaderOf = Callable[[str], Header]
@@ -59,7 +59,7 @@ def test_a_match_that_is_not_there_is_refused(archive: Archive, match: str) -> N
         (bytes(MOST_BYTES + 1), "the request cannot be read: "),
         (encode(JournalRequest(offset="0")), "the request cannot be read: JournalRequest.offset is of another type"),  # type: ignore[arg-type]
         (encode(JournalRequest(offset=-1)), "this is no request for a journal"),
-        (encode(Hello()), "this is no request for a journal"),
+        (encode(ChallengeRequest()), "this is no request for a journal"),
         (encode(JournalPiece(n_bytes=1, offset=0, data=b"x")), "this is no request for a journal"),
     ],
 )

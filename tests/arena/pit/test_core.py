@@ -124,6 +124,14 @@ def test_a_process_that_comes_back_gets_its_history_and_the_match_goes_on(pit: O
     assert pit.core.matches[0].record(Team.BLUE).vanished == 1
 
 
+def test_a_history_comes_before_its_turn_under_the_same_keys(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=2)
+    ann.send(Ready(known_ticks=1))
+
+    assert [type(message) for message in ann.read()] == [History, Turn]
+
+
 def test_a_process_that_lost_its_keys_alone_gets_the_turn_again_under_new_ones(pit: OfflinePit) -> None:
     ann, bob = begin(pit)
     play(ann, bob, n_ticks=2)
@@ -143,6 +151,8 @@ def test_a_restarted_client_waits_until_its_former_process_is_known_to_be_gone(p
     ann.vanish()
 
     assert again.join().place == ann.place
+    pit.pass_time(0.5)
+    assert pit.lobby().waiting == []
 
 
 def test_a_turn_that_is_asked_for_again_comes_in_the_same_bytes(pit: OfflinePit) -> None:
@@ -297,6 +307,8 @@ def test_a_journal_is_given_when_its_whole_fixture_is_over_and_not_before() -> N
         ann.ask()
         bob.join()
         assert isinstance(pit.reply(pit.ask_for_journal(match_id(plans[leg].identity))), Refusal)
+        if leg:
+            assert isinstance(pit.reply(pit.ask_for_journal(first)), Wait)
         play(ann.take(), bob)
         pit.pass_time(RECEIPTS_S)
 

@@ -102,13 +102,15 @@ def test_a_pit_that_is_closed_begins_no_more_matches(pit: OfflinePit, operator: 
 
 
 def test_a_match_that_is_aborted_is_void(pit: OfflinePit, operator: Player) -> None:
-    ann, _ = begin(pit)
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=1)
     match = ann.ticket.match
 
     assert operator.command("abort", match) == Done(text=f"match {match} is void")
     [ended] = pit.ended
     assert (ended.result.ending, ended.result.reason) == (Termination.VOID, "was ended by the operator")
     assert operator.command("abort", match) == Refusal(reason=f"{match} is not here")
+    assert Player(pit, "ann").ask() is None, "a void match gives nobody a name"
 
 
 def test_a_name_that_is_released_is_free(pit: OfflinePit, operator: Player) -> None:

@@ -182,10 +182,10 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
 
     assert PROTOCOL_VERSION == 3
     assert [kind.__name__ for kind in KINDS] == [
-        "Hello",
+        "ChallengeRequest",
         "Challenge",
-        "Knock",
-        "Answer",
+        "SealedRequest",
+        "SealedAnswer",
         "JoinRequest",
         "AdminRequest",
         "Done",
@@ -222,8 +222,8 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
     assert shape["Challenge"] == ["pit_key: bytes", "sealing_key: bytes", "number: bytes", "signature: bytes"]
     assert shape["Ticket"][-2:] == ["secret: bytes", "commitment: bytes"]
     for name, only in (
-        ("Knock", ["sealed: bytes"]),
-        ("Answer", ["sealed: bytes"]),
+        ("SealedRequest", ["sealed: bytes"]),
+        ("SealedAnswer", ["sealed: bytes"]),
         ("Signed", ["data: bytes", "signature: bytes"]),
     ):
         assert shape[name] == only

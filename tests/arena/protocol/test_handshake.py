@@ -20,18 +20,18 @@ from arena.errors import ForgedError, ProtocolError
 from arena.game.types import Team
 from arena.protocol import handshake, sealing
 from arena.protocol.codec import decode, encode
-from arena.protocol.handshake import Attempt, Caller, check_challenge, new_secret, open_knock, sign_challenge
+from arena.protocol.handshake import Attempt, Caller, check_challenge, new_secret, open_request, sign_challenge
 from arena.protocol.identity import Identity
 from arena.protocol.messages import (
     PROTOCOL_VERSION,
     AdminRequest,
-    Answer,
     Challenge,
-    Hello,
+    ChallengeRequest,
     JoinRequest,
-    Knock,
     Message,
     Ready,
+    SealedAnswer,
+    SealedRequest,
     Wait,
 )
 from arena.protocol.sealing import Direction, Opener, Sealer, derive_key, seat_context
@@ -162,12 +162,12 @@ def ask(identity: Identity = ANN, request: JoinRequest | AdminRequest = JOIN, ch
 
 
 def hear(knock: bytes) -> Caller:
-    return open_knock(knock, "pit", PIT.public, SEALING)
+    return open_request(knock, "pit", PIT.public, SEALING)
 
 
 def request_of(attempt: Attempt) -> JoinRequest:
     """Return what an attempt asked, as the pit reads it."""
-    request = hear(attempt.knock).request
+    request = hear(attempt.sealed).request
     assert isinstance(request, JoinRequest)
     return request
 
@@ -176,7 +176,7 @@ def sealed_knock(data: bytes, *, pit: str = "pit", pit_key: bytes = PIT.public, 
     """Return a knock with anything in it, sealed by nothing of the arena's."""
     info = b"arena request\x00" + pit.encode() + b"\x00" + pit_key
     *_, sealed = plain_encrypt(X25519PrivateKey.generate(), sealing_key, info, b"", data)
-    return encode(Knock(sealed=sealed))
+    return encode(SealedRequest(sealed=sealed))
 
 
 def signed_by(identity: Identity, request: Message) -> bytes:
@@ -197,7 +197,7 @@ WHOLE = replace(
 
 @pytest.mark.parametrize("request_", [JOIN, ADMIN, replace(JOIN, name="é" * 40, invite="code", match="0123")])
 def test_a_request_arrives_as_it_was_asked_with_what_the_attempt_fills_in(request_: JoinRequest | AdminRequest) -> None:
-    heard = hear(ask(request=request_).knock).request
+    heard = hear(ask(request=request_).sealed).request
 
     assert (heard.entry, heard.challenge, heard.pit_key) == (ANN.public, NUMBER, PIT.public)
     assert len(heard.ephemeral) == len(heard.reply_secret) == 32
@@ -206,8 +206,8 @@ def test_a_request_arrives_as_it_was_asked_with_what_the_attempt_fills_in(reques
 
 
 def test_a_knock_is_a_request_and_its_plain_signature_sealed_by_rfc_9180() -> None:
-    knock = decode(ask().knock)
-    assert isinstance(knock, Knock)
+    knock = decode(ask().sealed)
+    assert isinstance(knock, SealedRequest)
 
     opened = plain_decrypt(SEALING, b"arena request\x00pit\x00" + PIT.public, b"", knock.sealed)
 
@@ -226,7 +226,7 @@ def test_an_answer_is_sealed_by_rfc_9180_to_the_request_s_key_with_the_request_s
 
     answer = decode(caller.answer(WAIT))
 
-    assert isinstance(answer, Answer)
+    assert isinstance(answer, SealedAnswer)
     info = b"arena answer\x00" + sha256(caller.sealed).digest() + WHOLE.reply_secret
     assert decode(plain_decrypt(ephemeral, info, b"", answer.sealed)) == WAIT
 
@@ -234,7 +234,7 @@ def test_an_answer_is_sealed_by_rfc_9180_to_the_request_s_key_with_the_request_s
 def test_an_answer_opens_to_the_one_who_asked() -> None:
     attempt = ask()
 
-    assert attempt.open(hear(attempt.knock).answer(WAIT)) == WAIT
+    assert attempt.open(hear(attempt.sealed).answer(WAIT)) == WAIT
 
 
 @pytest.mark.parametrize("identity", [ANN, MAN])
@@ -242,13 +242,13 @@ def test_an_answer_to_another_request_does_not_open(identity: Identity) -> None:
     one, other = ask(), ask(identity)
 
     with pytest.raises(ForgedError, match="does not open"):
-        one.open(hear(other.knock).answer(WAIT))
+        one.open(hear(other.sealed).answer(WAIT))
 
 
 def test_an_answer_of_who_knows_the_ephemeral_key_alone_does_not_open() -> None:
     """The reply secret and the sealed request are what make an answer the pit's."""
     attempt = ask()
-    caller = hear(attempt.knock)
+    caller = hear(attempt.sealed)
 
     for info in (
         b"",
@@ -259,10 +259,10 @@ def test_an_answer_of_who_knows_the_ephemeral_key_alone_does_not_open() -> None:
     ):
         *_, sealed = plain_encrypt(X25519PrivateKey.generate(), caller.request.ephemeral, info, b"", encode(WAIT))
         with pytest.raises(ForgedError):
-            attempt.open(encode(Answer(sealed=sealed)))
+            attempt.open(encode(SealedAnswer(sealed=sealed)))
 
 
-@pytest.mark.parametrize("message", [WAIT, Ready(known_ticks=0), Hello(), Knock(sealed=b"x" * 64)])
+@pytest.mark.parametrize("message", [WAIT, Ready(known_ticks=0), ChallengeRequest(), SealedRequest(sealed=b"x" * 64)])
 def test_an_answer_that_is_not_sealed_is_refused(message: Message) -> None:
     with pytest.raises(ForgedError, match="not sealed"):
         ask().open(encode(message))
@@ -270,11 +270,11 @@ def test_an_answer_that_is_not_sealed_is_refused(message: Message) -> None:
 
 def test_nothing_of_a_knock_can_be_known_or_linked_from_outside() -> None:
     one, other = ask(request=replace(JOIN, invite="the-invite-code")), ask(request=replace(JOIN, invite="the-invite-code"))
-    request = hear(one.knock).request
+    request = hear(one.sealed).request
 
     for secret in (b"the-invite-code", b"ann", ANN.public, request.ephemeral, request.reply_secret):
-        assert secret not in one.knock
-    assert one.knock != other.knock
+        assert secret not in one.sealed
+    assert one.sealed != other.sealed
     assert request.ephemeral != request_of(other).ephemeral
     assert request.reply_secret != request_of(other).reply_secret
 
@@ -377,8 +377,8 @@ def test_a_request_to_a_malicious_pit_cannot_be_carried_on_to_this_one() -> None
     """He runs a pit, opens what the entry asks of it, and seals it to this pit as it is."""
     his_sealing = X25519PrivateKey.generate()
     his = sign_challenge("pit", MAN, his_sealing.public_key().public_bytes_raw(), NUMBER)
-    knock = decode(ask(challenge=his).knock)
-    assert isinstance(knock, Knock)
+    knock = decode(ask(challenge=his).sealed)
+    assert isinstance(knock, SealedRequest)
     opened = plain_decrypt(his_sealing, b"arena request\x00pit\x00" + MAN.public, b"", knock.sealed)
 
     with pytest.raises(ForgedError, match="no request to this pit"):
@@ -401,7 +401,7 @@ def test_a_knock_that_was_sealed_to_another_pit_or_another_key_does_not_open(els
 
 
 def test_a_knock_opens_at_one_pit_only() -> None:
-    knock = ask().knock
+    knock = ask().sealed
 
     for pit, pit_key, sealing_key in (
         ("other", PIT.public, SEALING),
@@ -409,7 +409,7 @@ def test_a_knock_opens_at_one_pit_only() -> None:
         ("pit", PIT.public, X25519PrivateKey.generate()),
     ):
         with pytest.raises(ForgedError, match="does not open"):
-            open_knock(knock, pit, pit_key, sealing_key)
+            open_request(knock, pit, pit_key, sealing_key)
 
 
 @pytest.mark.parametrize("ephemeral", LOW_ORDER, ids=bytes.hex)
@@ -432,7 +432,7 @@ def test_what_is_sealed_with_a_sender_s_key_of_low_order_does_not_open(enc: byte
     sealed = enc + ChaCha20Poly1305(key).encrypt(nonce, signed_by(ANN, WHOLE), b"")
 
     with pytest.raises(ForgedError):
-        hear(encode(Knock(sealed=sealed)))
+        hear(encode(SealedRequest(sealed=sealed)))
 
 
 @pytest.mark.parametrize("entry", [b"", bytes(31), bytes(33), b"\xff" * 32])
@@ -441,24 +441,24 @@ def test_a_request_whose_entry_is_no_key_is_refused(entry: bytes) -> None:
         hear(sealed_knock(signed_by(ANN, replace(WHOLE, entry=entry))))
 
 
-@pytest.mark.parametrize("message", [Hello(), WAIT, CHALLENGE, Knock(sealed=b"x")])
+@pytest.mark.parametrize("message", [ChallengeRequest(), WAIT, CHALLENGE, SealedRequest(sealed=b"x")])
 def test_a_signed_message_that_is_no_request_is_refused(message: Message) -> None:
     with pytest.raises(ForgedError, match="no request"):
         hear(sealed_knock(signed_by(ANN, message)))
 
 
-@pytest.mark.parametrize("message", [Hello(), WAIT, CHALLENGE, WHOLE, Answer(sealed=b"x" * 99)])
-def test_what_is_not_sealed_is_no_knock(message: Message) -> None:
-    with pytest.raises(ForgedError, match="no knock"):
+@pytest.mark.parametrize("message", [ChallengeRequest(), WAIT, CHALLENGE, WHOLE, SealedAnswer(sealed=b"x" * 99)])
+def test_what_is_not_sealed_is_no_sealed_request(message: Message) -> None:
+    with pytest.raises(ForgedError, match="no sealed request"):
         hear(encode(message))
 
 
 # Anything at all
 
 
-KNOCK = ask().knock
+KNOCK = ask().sealed
 ATTEMPT = ask()
-ANSWER = hear(ATTEMPT.knock).answer(WAIT)
+ANSWER = hear(ATTEMPT.sealed).answer(WAIT)
 
 
 def change(data: bytes, draw: st.DataObject) -> bytes:
@@ -498,22 +498,22 @@ def test_a_knock_or_an_answer_that_was_cut_is_the_other_side_s_fault() -> None:
 
 @given(st.binary(max_size=200))
 def test_any_bytes_and_any_bytes_sealed_are_the_other_side_s_fault_and_nothing_worse(data: bytes) -> None:
-    for knock in (data, encode(Knock(sealed=data)), sealed_knock(data), sealed_knock(data + signed_by(ANN, WHOLE)[-64:])):
+    for knock in (data, encode(SealedRequest(sealed=data)), sealed_knock(data), sealed_knock(data + signed_by(ANN, WHOLE)[-64:])):
         with pytest.raises(ProtocolError):
             hear(knock)
-    for answer in (data, encode(Answer(sealed=data))):
+    for answer in (data, encode(SealedAnswer(sealed=data))):
         with pytest.raises(ProtocolError):
             ATTEMPT.open(answer)
 
 
 @given(st.binary(max_size=60).filter(lambda data: data != encode(WAIT)))
 def test_any_bytes_sealed_into_an_answer_are_a_message_or_the_pit_s_fault(data: bytes) -> None:
-    caller = hear(ATTEMPT.knock)
+    caller = hear(ATTEMPT.sealed)
     info = b"arena answer\x00" + sha256(caller.sealed).digest() + caller.request.reply_secret
     *_, sealed = plain_encrypt(X25519PrivateKey.generate(), caller.request.ephemeral, info, b"", data)
 
     with pytest.raises(ProtocolError):
-        ATTEMPT.open(encode(Answer(sealed=sealed)))
+        ATTEMPT.open(encode(SealedAnswer(sealed=sealed)))
 
 
 def test_a_request_of_another_version_is_unreadable() -> None:
@@ -534,7 +534,7 @@ def seat_key(pit_key: bytes, match: str, team: Team, direction: Direction, secre
 def test_both_sides_meet_in_both_directions(team: Team) -> None:
     attempt = ask()
     from_client, to_client = attempt.sit("m1", team, PIT_SECRET)
-    from_pit, to_pit = hear(attempt.knock).sit("m1", team, PIT_SECRET, 500)
+    from_pit, to_pit = hear(attempt.sealed).sit("m1", team, PIT_SECRET, 500)
 
     for tick in range(3):
         shown = from_pit.close(bytes([tick]), tick)
@@ -545,7 +545,7 @@ def test_both_sides_meet_in_both_directions(team: Team) -> None:
 
 def test_a_seat_s_keys_are_derived_from_both_secrets_pit_match_team_and_direction() -> None:
     attempt = ask()
-    caller = hear(attempt.knock)
+    caller = hear(attempt.sealed)
     from_pit, _ = caller.sit("m1", Team.RED, PIT_SECRET, 64)
     from_client, _ = attempt.sit("m1", Team.RED, PIT_SECRET)
     secret = PIT_SECRET + caller.request.reply_secret
@@ -594,9 +594,9 @@ Seat = tuple[Sealer, Opener]
 )
 def test_the_keys_of_another_seat_match_pit_secret_or_request_open_nothing(other: Callable[[Caller, Caller], Seat]) -> None:
     attempt = ask()
-    caller = hear(attempt.knock)
+    caller = hear(attempt.sealed)
     from_client, to_client = attempt.sit("m1", Team.BLUE, PIT_SECRET)
-    from_pit, to_pit = other(caller, hear(ask().knock))
+    from_pit, to_pit = other(caller, hear(ask().sealed))
 
     with pytest.raises(ForgedError):
         to_client.open(from_pit.close(b"turn", 0))
@@ -607,7 +607,7 @@ def test_the_keys_of_another_seat_match_pit_secret_or_request_open_nothing(other
 def test_what_one_side_says_does_not_come_back_to_it_as_the_other_s_word() -> None:
     attempt = ask()
     from_client, to_client = attempt.sit("m1", Team.BLUE, PIT_SECRET)
-    from_pit, to_pit = hear(attempt.knock).sit("m1", Team.BLUE, PIT_SECRET, 64)
+    from_pit, to_pit = hear(attempt.sealed).sit("m1", Team.BLUE, PIT_SECRET, 64)
 
     with pytest.raises(ForgedError):
         to_client.open(from_client.close(b"orders", 0))
@@ -636,7 +636,7 @@ def test_who_comes_back_gets_new_keys_and_no_nonce_is_used_twice() -> None:
             attempt = ask()
             secret = new_secret()
             from_client, to_client = attempt.sit("m1", Team.BLUE, secret)
-            from_pit, to_pit = hear(attempt.knock).sit("m1", Team.BLUE, secret, 64)
+            from_pit, to_pit = hear(attempt.sealed).sit("m1", Team.BLUE, secret, 64)
             for tick in range(50):
                 to_client.open(from_pit.close(b"turn", tick))
                 to_pit.open(from_client.close(b"orders", tick))

@@ -16,9 +16,10 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, UnitType, load
 from arena.game.types import FLAGS, Code, Team
 from policies import registry
-from policies.belief.belief import Belief, Known, know, make_belief, update
+from policies.belief.belief import FALLEN, HIDDEN_NOW, Belief, make_belief
 from policies.belief.memory import sight_of
-from policies.belief.tracks import FALLEN, HIDDEN_NOW
+from policies.belief.team_rules import TeamRules, team_rules
+from policies.belief.update import update
 
 seeds = st.integers(0, 2**32)
 players = st.sampled_from(["random", "rush", "fighter", "role_team", "defend"])
@@ -62,11 +63,11 @@ def in_set(rows: np.ndarray, cell: int, side: int) -> bool:
 @settings(max_examples=30)
 @given(rulesets(), players, players, seeds, st.sampled_from(Team))
 def test_the_truth_is_never_ruled_out(ruleset: Ruleset, blue: str, red: str, seed: int, team: Team) -> None:
-    belief, known, side = make_belief(ruleset, team, 1), know(ruleset, team), ruleset.side
+    belief, rules, side = make_belief(ruleset, team, 1), team_rules(ruleset, team), ruleset.side
     enemy = team.other
     try:
         for games, seen in play(ruleset, blue, red, seed):
-            update(sight_of(seen[team]), belief, known)
+            update(sight_of(seen[team]), belief, rules)
 
             ground = games.state.ground[0, : side * side]
             assert in_set(belief.flag_rows[0], int(np.flatnonzero(ground == FLAGS[enemy])[0]), side)
@@ -108,11 +109,11 @@ def by_hand(seen: Observations, ruleset: Ruleset, garbage: int) -> Observations:
 def test_nothing_but_what_a_bot_is_told_makes_a_belief(
     ruleset: Ruleset, blue: str, red: str, seed: int, team: Team, garbage: int
 ) -> None:
-    known, one, other = know(ruleset, team), make_belief(ruleset, team, 1), make_belief(ruleset, team, 1)
+    rules, one, other = team_rules(ruleset, team), make_belief(ruleset, team, 1), make_belief(ruleset, team, 1)
     try:
         for _, seen in play(ruleset, blue, red, seed):
-            update(sight_of(seen[team]), one, known)
-            update(sight_of(by_hand(seen[team], ruleset, garbage)), other, known)
+            update(sight_of(seen[team]), one, rules)
+            update(sight_of(by_hand(seen[team], ruleset, garbage)), other, rules)
 
             for name in set(Belief._fields) - {"work"}:
                 np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
@@ -120,12 +121,12 @@ def test_nothing_but_what_a_bot_is_told_makes_a_belief(
         assume(False)
 
 
-def watch(ticks: int) -> tuple[Belief, Known, Observations]:
+def watch(ticks: int) -> tuple[Belief, TeamRules, Observations]:
     ruleset = load("paper")
-    belief, known = make_belief(ruleset, Team.BLUE, 1), know(ruleset, Team.BLUE)
+    belief, rules = make_belief(ruleset, Team.BLUE, 1), team_rules(ruleset, Team.BLUE)
     for _, seen in play(ruleset, "role_team", "rush", 5, ticks):
-        update(sight_of(seen[Team.BLUE]), belief, known)
-    return belief, known, seen[Team.BLUE]
+        update(sight_of(seen[Team.BLUE]), belief, rules)
+    return belief, rules, seen[Team.BLUE]
 
 
 def test_a_cell_is_dated_when_it_was_last_in_sight() -> None:
@@ -139,21 +140,21 @@ def test_a_cell_is_dated_when_it_was_last_in_sight() -> None:
 
 
 def test_the_posterior_of_the_flag_is_over_unseen_cells_of_the_enemys_half() -> None:
-    belief, known, _ = watch(1)
+    belief, rules, _ = watch(1)
     cells = [cell for cell in range(400) if in_set(belief.flag_rows[0], cell, 20)]
 
     assert belief.n_flag_cells[0] == len(cells) < 200
     assert {belief.ground[0, cell] for cell in cells} == {Code.HIDDEN}
     is_east = belief.forward[0] > 0
     assert all((cell % 20 >= 10) == is_east for cell in cells)
-    assert known.enemy_step == 1
+    assert rules.enemy_step == 1
 
 
 def test_an_enemy_in_sight_is_where_it_is_seen() -> None:
     ruleset, seen_once = load("exp2"), False
-    belief, known = make_belief(ruleset, Team.BLUE, 1), know(ruleset, Team.BLUE)
+    belief, rules = make_belief(ruleset, Team.BLUE, 1), team_rules(ruleset, Team.BLUE)
     for _, seen in play(ruleset, "defend", "rush", 3, 5):
-        update(sight_of(seen[Team.BLUE]), belief, known)
+        update(sight_of(seen[Team.BLUE]), belief, rules)
         at = seen[Team.BLUE].enemy_cell[0][seen[Team.BLUE].enemy_cell[0] >= 0]
         assert sorted(belief.enemy_cell[0][belief.enemy_cell[0] >= 0].tolist()) == sorted(at.tolist())
         seen_once = seen_once or len(at) == 4
@@ -164,11 +165,11 @@ def test_an_enemy_lost_from_sight_spreads_by_a_step_a_tick(seen_in: Any, pretend
     ruleset = Ruleset(name="two", side=20, units=(UnitType(name="ugv", step=1, sight=3, blue=1, red=1),))
     match = pretend(ruleset, Team.BLUE, 1)
     match.ground[:] = np.where(np.arange(20) < 10, Code.BLUE_HALF, Code.RED_HALF)
-    belief, known = make_belief(ruleset, Team.BLUE, 1), know(ruleset, Team.BLUE)
+    belief, rules = make_belief(ruleset, Team.BLUE, 1), team_rules(ruleset, Team.BLUE)
     sizes = []
     for own, enemy in ((209, 212), (209, 212), (0, 212), (0, 212)):
         match.cell[Team.BLUE][:], match.cell[Team.RED][:] = own, enemy
-        update(sight_of(seen_in([match])), belief, known)
+        update(sight_of(seen_in([match])), belief, rules)
         sizes.append(sum(int(row).bit_count() for row in belief.enemy_rows[0, 0]))
         match.tick += 1
 
@@ -181,13 +182,13 @@ def test_whoever_is_taken_for_another_may_still_be_where_that_one_was(seen_in: A
     ruleset = Ruleset(name="two", side=20, units=(UnitType(name="ugv", step=1, sight=6, blue=1, red=2), eye))
     match = pretend(ruleset, Team.BLUE, 1)
     match.ground[:] = np.where(np.arange(20) < 10, Code.BLUE_HALF, Code.RED_HALF)
-    belief, known = make_belief(ruleset, Team.BLUE, 1), know(ruleset, Team.BLUE)
+    belief, rules = make_belief(ruleset, Team.BLUE, 1), team_rules(ruleset, Team.BLUE)
     places = [(212, 219), (212, 218), (211, 217), (211, 213)]  # of one enemy, seen at first, and of another, seen at last
     for tick, (one, other) in enumerate(places):
         match.alive[Team.BLUE][0] = tick == 0
         match.cell[Team.BLUE][:] = 209, 213 if tick == 3 else 0
         match.cell[Team.RED][:] = one, other
-        update(sight_of(seen_in([match])), belief, known)
+        update(sight_of(seen_in([match])), belief, rules)
         match.tick += 1
 
     hidden = belief.enemy_rows[0][belief.enemy_cell[0] == HIDDEN_NOW]
@@ -198,9 +199,9 @@ def test_whoever_is_taken_for_another_may_still_be_where_that_one_was(seen_in: A
 @pytest.mark.parametrize("team", Team)
 def test_ways_lead_to_where_the_flags_may_be(team: Team) -> None:
     ruleset = load("paper")
-    belief, known = make_belief(ruleset, team, 1), know(ruleset, team)
+    belief, rules = make_belief(ruleset, team, 1), team_rules(ruleset, team)
     for _, seen in play(ruleset, "role_team", "role_team", 8, 12):
-        update(sight_of(seen[team]), belief, known)
+        update(sight_of(seen[team]), belief, rules)
 
         for rows, steps in ((belief.flag_rows[0], belief.to_flag[0]), (belief.home_rows[0], belief.to_home[0])):
             assert [cell for cell in range(400) if steps[cell] == 0] == [cell for cell in range(400) if in_set(rows, cell, 20)]

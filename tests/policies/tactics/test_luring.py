@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from arena.game.keys import secret_from_seed
+from arena.game.observation import Observations
 from arena.game.ruleset import load
 from arena.local.venue import play_batch
 from arena.policy import Orders
-from policies.belief.memory import Sight
 from policies.heuristics.defend import Defend
 from policies.heuristics.role_team import RoleTeam
 from policies.tactics.roles import ATTACK, DECOY, WAIT
@@ -26,11 +26,11 @@ class Watched(RoleTeam):
         self.lost_races: list[tuple[int, int]] = []
         self._decoy = np.full(len(self.belief.tick), -1)
 
-    def decide(self, sight: Sight, orders: Orders) -> None:
+    def act(self, sight: Observations, orders: Orders) -> None:
         (seat,) = range(len(sight.tick))
         if self._decoy[seat] >= 0:
             self.n_gone += not sight.alive[seat, self._decoy[seat]]
-        super().decide(sight, orders)
+        super().act(sight, orders)
         role = self.plan.role
         self._decoy[seat] = int(np.flatnonzero(role == DECOY)[0]) if DECOY in role else -1
         self.n_seen += DECOY in role

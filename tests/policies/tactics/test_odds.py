@@ -8,9 +8,10 @@ import pytest
 from arena.game.ruleset import load
 from arena.game.types import Team
 from arena.jit import jit
-from policies.belief.belief import know, make_belief
+from policies.belief.belief import make_belief
 from policies.belief.bitrows import low_bits
 from policies.belief.memory import Sight
+from policies.belief.team_rules import team_rules
 from policies.tactics.odds import mark_danger
 from policies.tactics.odds import weigh as inlined
 
@@ -22,7 +23,7 @@ HOME, BORDER, AWAY = 5, 9, 15
 def scene(own: list[int], enemies: list[int], rules: str = "paper") -> tuple:
     """Return what `weigh` reads of one seat of blue, whose half is the western one; cells of UGVs, as many as there are."""
     ruleset = load(rules).with_({"units": {"ugv": {"blue": len(own), "red": len(enemies)}, "uav": {"blue": 0, "red": 0}}})
-    known, belief = know(ruleset, Team.BLUE), make_belief(ruleset, Team.BLUE, 1)
+    known, belief = team_rules(ruleset, Team.BLUE), make_belief(ruleset, Team.BLUE, 1)
     belief.enemy_half[0, :] = low_bits(20) & ~low_bits(10)
     n = len(enemies)
     sight = Sight(

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from arena.game.types import STEPS, Action, Code
+from policies.belief.bitrows import UNREACHED
 from policies.tactics.moves import head_for
-from policies.tactics.paths import UNREACHED, downhill, flood
+from policies.tactics.paths import downhill, flood
 
 
 def plain_search(ground: np.ndarray, goal: tuple[int, int]) -> np.ndarray:
@@ -35,15 +36,15 @@ def test_a_flood_counts_the_steps_of_the_shortest_way(side: int, seed: int, shar
     ground = codes.astype(np.int8)
     goal = int(rng.integers(side * side))
     ground[1, goal] = Code.RED_FLAG
-    steps, queue = np.zeros((2, side * side), np.int16), np.zeros(side * side, np.int16)
+    steps, work = np.zeros((2, side * side), np.int16), np.full((19, 64), 99, np.uint64)
 
-    flood(ground, 1, side, goal, steps, queue)
+    flood(ground, 1, side, goal, steps, work)
 
     expected = plain_search(ground[1].reshape(side, side), divmod(goal, side))
     np.testing.assert_array_equal(steps[1].reshape(side, side), expected)
     assert not steps[0].any()
     row, column = rng.integers(side, size=2).tolist()
-    action = downhill(ground, 1, side, row, column, steps)
+    action = downhill(ground, 1, side, row * side + column, steps)
     rows, columns = STEPS[action]
     if ground[1, row * side + column] != Code.OBSTACLE and 0 < expected[row, column] < UNREACHED:
         assert expected[row + rows, column + columns] == expected[row, column] - 1

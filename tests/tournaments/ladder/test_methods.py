@@ -5,6 +5,7 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from arena.errors import UnknownNameError
+from tournaments import plug_ins
 from tournaments.ladder import methods
 from tournaments.ladder.ladder import open_ladder
 from tournaments.ladder.methods import find_ladder
@@ -12,7 +13,7 @@ from tournaments.ladder.methods import find_ladder
 
 def test_our_own_ladder_is_there_beside_those_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
     glicko = EntryPoint("glicko", "json:loads", methods.GROUP)
-    monkeypatch.setattr(methods, "entry_points", lambda group: [glicko] if group == methods.GROUP else [])
+    monkeypatch.setattr(plug_ins, "entry_points", lambda group: [glicko] if group == methods.GROUP else [])
 
     assert find_ladder() is open_ladder
     assert find_ladder("glicko") is glicko.load()

@@ -11,7 +11,7 @@ from arena.game.keys import secret_from_seed
 from arena.protocol.identity import to_text
 from arena.protocol.topics import is_chunk
 from arena.records.plan import LeagueMatchId
-from tournaments.league.edits import find_edit, hash_facts
+from tournaments.league.edits import find_edit, hash_definition
 from tournaments.league.file import LEAGUES, load_league, parse_league
 from tournaments.league.league import League
 from tournaments.league.schedule import count_matches, plan_league
@@ -96,18 +96,18 @@ def test_an_edit_is_named(tmp_path: Path) -> None:
     bot = tmp_path / "mine.py"
     bot.write_text(BOT)
     text = 'entries = ["mine.py", "rush"]\n'
-    before = parse(text, tmp_path).facts
+    before = parse(text, tmp_path).definition
 
-    assert find_edit(before, parse('pairs = 99\nslots = 1\nentries = ["rush", "mine.py"]', tmp_path).facts) is None
-    assert "rules" in str(find_edit(before, parse(text + "[rules]\nside = 16", tmp_path).facts))
-    assert "patrol was added" in str(find_edit(before, parse('entries = ["mine.py", "rush", "patrol"]', tmp_path).facts))
-    assert "rush was taken out" in str(find_edit(before, parse('entries = ["mine.py", "patrol"]', tmp_path).facts))
-    assert "turn_time_s" in str(find_edit(before, parse("turn_time_s = 2\n" + text, tmp_path).facts))
+    assert find_edit(before, parse('pairs = 99\nslots = 1\nentries = ["rush", "mine.py"]', tmp_path).definition) is None
+    assert "rules" in str(find_edit(before, parse(text + "[rules]\nside = 16", tmp_path).definition))
+    assert "patrol was added" in str(find_edit(before, parse('entries = ["mine.py", "rush", "patrol"]', tmp_path).definition))
+    assert "rush was taken out" in str(find_edit(before, parse('entries = ["mine.py", "patrol"]', tmp_path).definition))
+    assert "turn_time_s" in str(find_edit(before, parse("turn_time_s = 2\n" + text, tmp_path).definition))
     assert "seed or secret" in str(find_edit({**before, "secret": "a"}, {**before, "secret": "b"}))
     bot.write_text(BOT + "\n")
-    edited = parse(text, tmp_path).facts
+    edited = parse(text, tmp_path).definition
     assert "the content of mine.py" in str(find_edit(before, edited))
-    assert hash_facts(edited) != hash_facts(before)
+    assert hash_definition(edited) != hash_definition(before)
 
 
 def test_a_secret_is_made_once_and_read_by_its_owner_alone(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_half_a_schedule_is_balanced_and_more_pairs_keep_what_was_planned() -> N
     assert plan_league(replace(league, entries=dict(reversed(league.entries.items()))), secret_from_seed(1)) == plans
 
 
-GAUNTLET = 'pairing = "gauntlet"\nhero = "rush"\nentries = ["rush", "patrol", "defend", "random"]\npairs = 3'
+GAUNTLET = 'pairing = "gauntlet"\nchallenger = "rush"\nentries = ["rush", "patrol", "defend", "random"]\npairs = 3'
 
 
 def test_in_a_gauntlet_one_meets_all_the_others() -> None:
@@ -169,9 +169,10 @@ def test_in_a_gauntlet_one_meets_all_the_others() -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ('pairing = "gauntlet"\nentries = ["rush", "patrol"]', "has a hero in a gauntlet or an sprt, and only there"),
-        ('hero = "rush"\nentries = ["rush", "patrol"]', "has a hero in a gauntlet or an sprt, and only there"),
-        ('pairing = "gauntlet"\nhero = "rsh"\nentries = ["rush", "patrol"]', "did you mean 'rush'"),
+        ('pairing = "gauntlet"\nentries = ["rush", "patrol"]', "has a challenger in a gauntlet or an sprt, and only there"),
+        ('challenger = "rush"\nentries = ["rush", "patrol"]', "has a challenger in a gauntlet or an sprt, and only there"),
+        ('pairing = "gauntlet"\nhero = "rush"\nentries = ["rush", "patrol"]', 'hero = "rush"; the key is called challenger now'),
+        ('pairing = "gauntlet"\nchallenger = "rsh"\nentries = ["rush", "patrol"]', "did you mean 'rush'"),
         ('pairing = "knockout"\nentries = ["rush", "patrol"]', "unknown pairing of league g 'knockout'"),
         ('maps = "old"\nentries = ["rush", "patrol"]', "unknown maps of league g 'old'"),
         ('[entries]\nrush = "rush"\nmine = "exec:./bot"', 'a program may remember it; write maps = "fresh"'),
@@ -229,37 +230,38 @@ def test_a_checkpoint_is_an_entry_as_a_bot_file_is(tmp_path: Path) -> None:
     file = tmp_path / "best.safetensors"
     file.write_bytes(b"one")
     league = parse('entries = ["best.safetensors", "rush"]', tmp_path)
-    before = league.facts
+    before = league.definition
     file.write_bytes(b"two")
-    after = parse('entries = ["best.safetensors", "rush"]', tmp_path).facts
+    after = parse('entries = ["best.safetensors", "rush"]', tmp_path).definition
 
     assert league.entries == {"best": str(file), "rush": "rush"}
     assert before["entries"]["best"].startswith("best.safetensors ")
     assert "the content of best.safetensors" in str(find_edit(before, after))
 
 
-def test_the_first_of_two_is_tested_unless_a_hero_is_named() -> None:
+def test_the_first_of_two_is_tested_unless_a_challenger_is_named() -> None:
     first = parse('pairing = "sprt"\nentries = ["rush", "patrol"]')
-    named = parse('pairing = "sprt"\nhero = "patrol"\nentries = ["rush", "patrol"]\n[sprt]\nelo0 = -5\nelo1 = 5\nalpha = 0.01')
+    bounds = "[sprt]\nelo0 = -5\nelo1 = 5\nalpha = 0.01"
+    named = parse(f'pairing = "sprt"\nchallenger = "patrol"\nentries = ["rush", "patrol"]\n{bounds}')
 
-    assert (first.hero, named.hero) == ("rush", "patrol")
-    assert first.facts["sprt"] == {"elo0": 0.0, "elo1": 50.0, "alpha": 0.05, "beta": 0.05}
-    assert named.facts["sprt"] == {"elo0": -5.0, "elo1": 5.0, "alpha": 0.01, "beta": 0.05}
-    assert find_edit(first.facts, parse('pairing = "sprt"\npairs = 99\nentries = ["rush", "patrol"]').facts) is None
+    assert (first.challenger, named.challenger) == ("rush", "patrol")
+    assert first.definition["sprt"] == {"elo0": 0.0, "elo1": 50.0, "alpha": 0.05, "beta": 0.05}
+    assert named.definition["sprt"] == {"elo0": -5.0, "elo1": 5.0, "alpha": 0.01, "beta": 0.05}
+    assert find_edit(first.definition, parse('pairing = "sprt"\npairs = 99\nentries = ["rush", "patrol"]').definition) is None
 
 
 @pytest.mark.parametrize(
     ("edited", "named"),
     [
-        ('pairing = "sprt"\nentries = ["patrol", "rush"]', "hero was edited (was rush, is patrol)"),
+        ('pairing = "sprt"\nentries = ["patrol", "rush"]', "challenger was edited (was rush, is patrol)"),
         ('pairing = "sprt"\nentries = ["rush", "patrol"]\n[sprt]\nelo1 = 60', "elo1 of its test was edited (was 50, is 60)"),
         (TWO, "its pairing was edited (was sprt, is another)"),
     ],
 )
 def test_an_edited_test_is_named(edited: str, named: str) -> None:
-    before = parse('pairing = "sprt"\nentries = ["rush", "patrol"]').facts
+    before = parse('pairing = "sprt"\nentries = ["rush", "patrol"]').definition
 
-    assert find_edit(before, parse(edited).facts) == named
+    assert find_edit(before, parse(edited).definition) == named
 
 
 def test_where_maps_are_fresh_no_map_comes_twice_and_matches_keep_their_keys() -> None:
@@ -271,12 +273,12 @@ def test_where_maps_are_fresh_no_map_comes_twice_and_matches_keep_their_keys() -
     assert [plan.keys.match_key for plan in fresh] == [plan.keys.match_key for plan in paired]
 
 
-def test_an_edit_of_maps_or_hero_is_named() -> None:
+def test_an_edit_of_maps_or_challenger_is_named() -> None:
     facts = [
-        parse_league(text + 'entries = ["rush", "patrol"]', "g", Path()).facts
-        for text in ("", 'maps = "fresh"\n', 'pairing = "gauntlet"\nhero = "rush"\n')
+        parse_league(text + 'entries = ["rush", "patrol"]', "g", Path()).definition
+        for text in ("", 'maps = "fresh"\n', 'pairing = "gauntlet"\nchallenger = "rush"\n')
     ]
 
     assert find_edit(facts[0], facts[1]) == "maps was edited (was paired, is fresh)"
-    assert find_edit(facts[0], facts[2]) == "hero was edited (was None, is rush)"
+    assert find_edit(facts[0], facts[2]) == "challenger was edited (was None, is rush)"
     assert find_edit(facts[0], facts[0]) is None

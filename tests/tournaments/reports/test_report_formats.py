@@ -18,7 +18,7 @@ from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.reports.charts import N_SHADES, heat_map, rating_plot, side_plot
 from tournaments.reports.formats import to_csv, to_markdown, to_text
 from tournaments.reports.page import to_html
-from tournaments.reports.report import MOST_TOLD, Report, leaderboard, make_report, summary, to_facts
+from tournaments.reports.report import MOST_TOLD, Report, leaderboard, make_report, summary, to_document
 from tournaments.store.store import StoredLeague
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
@@ -36,7 +36,7 @@ def outcome(one: str, other: str, pair: int, blue: str, winner: Team | None) -> 
 def report(winners: tuple[Team | None, Team | None] = (Team.BLUE, Team.RED), *, findings: tuple[str, ...] = ()) -> Report:
     """Return a league of three in which `best` meets `_odd_` ten times, and nobody meets `worst`."""
     facts = {"ruleset": "paper", "rules": "0", "entries": dict.fromkeys(NAMES, "rush"), "secret": "0"}
-    league = StoredLeague(id=1, name="friday_night", hash="0", n_pairs=5, facts=facts)
+    league = StoredLeague(id=1, name="friday_night", hash="0", n_pairs=5, definition=facts)
     outcomes = [
         outcome("_odd_", "best", pair, blue, winner)
         for pair in range(5)
@@ -143,7 +143,7 @@ def league_of(names: str, n_pairs: int, lead: Callable[[str, str], float]) -> Re
         for blue, seats in ((one, (one, other)), (other, (other, one)))
     ]
     facts = {"ruleset": "paper", "rules": "0", "entries": dict.fromkeys(names, "rush"), "secret": "0"}
-    return make_report(StoredLeague(id=1, name="l", hash="0", n_pairs=n_pairs, facts=facts), outcomes, n_draws=50)
+    return make_report(StoredLeague(id=1, name="l", hash="0", n_pairs=n_pairs, definition=facts), outcomes, n_draws=50)
 
 
 def in_a_circle(blue: str, red: str) -> float:
@@ -152,7 +152,7 @@ def in_a_circle(blue: str, red: str) -> float:
 
 def test_a_circle_and_what_no_rating_expects_are_told_everywhere(tmp_path: Path) -> None:
     told = league_of("abcd", 60, in_a_circle)
-    facts = to_facts(told)
+    facts = to_document(told)
     [circle] = facts["cycles"]
     says = told.standings.cycles[0].sentence
 
@@ -168,13 +168,13 @@ def test_a_circle_and_what_no_rating_expects_are_told_everywhere(tmp_path: Path)
 def test_a_league_by_strength_has_nothing_to_beware_of() -> None:
     told = league_of("abcd", 30, lambda blue, red: 1 / (1 + 2 ** (ord(blue) - ord(red))))
 
-    assert to_facts(told)["cycles"] == []
+    assert to_document(told)["cycles"] == []
     assert "warning" not in to_text(told)
 
 
 def test_who_is_likely_the_stronger_is_told_in_every_format(tmp_path: Path) -> None:
     told = league_of("abcd", 30, lambda blue, red: 1 / (1 + 2 ** (ord(blue) - ord(red))))
-    facts = to_facts(told)["superiority"]
+    facts = to_document(told)["superiority"]
     page = to_html(told, tmp_path / "a.html", tmp_path)
 
     assert facts["a"].keys() == set("bcd")
@@ -204,7 +204,7 @@ def test_where_maps_are_fresh_the_intervals_are_over_matches() -> None:
             for blue in "ab"
         ]
         facts = {"ruleset": "paper", "rules": "0", "entries": {"a": "rush", "b": "rush"}, "secret": "0", "maps": maps}
-        league = StoredLeague(id=1, name="l", hash="0", n_pairs=20, facts=facts)
+        league = StoredLeague(id=1, name="l", hash="0", n_pairs=20, definition=facts)
         rating = make_report(league, outcomes, n_draws=200).standings.rows[0].rating
         return rating.elo_high - rating.elo_low
 

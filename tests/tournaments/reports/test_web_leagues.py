@@ -98,7 +98,7 @@ def test_a_decided_test_shows_the_journals_of_its_whole_pairs(duel: Path) -> Non
         outcomes = store.outcomes(row)
     other = duel / "running.db"
     with Store(str(other)) as store:
-        running = store.enter("better", row.facts, row.n_pairs)
+        running = store.enter("better", row.definition, row.n_pairs)
         for outcome in outcomes[:-1]:
             store.add(running, outcome)
     running_leagues = Leagues(duel, str(other))
@@ -113,7 +113,7 @@ def test_no_journal_is_given_before_the_last_match_of_two_entries(data: Path) ->
         outcomes = store.outcomes(league)
     other = data / "half.db"
     with Store(str(other)) as store:
-        half = store.enter("friday", league.facts, league.n_pairs)
+        half = store.enter("friday", league.definition, league.n_pairs)
         for outcome in outcomes[:-1]:
             store.add(half, outcome)
     leagues = Leagues(data, str(other))

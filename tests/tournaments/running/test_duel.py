@@ -25,11 +25,11 @@ from tournaments.reports.report import Report, make_report
 from tournaments.running.duel import LEAST_BATCH, Duel, judge, next_batch
 from tournaments.running.scheduler import Folders, Scheduler
 from tournaments.store.store import Store
-from tournaments.venues.venue import Setting
+from tournaments.venues.setting import VenueSetting
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
 BOUNDS = {"elo0": 0.0, "elo1": 100.0, "alpha": 0.05, "beta": 0.05}
-FACTS = {"hero": "rush", "entries": {"patrol": "patrol", "rush": "rush"}, "sprt": BOUNDS}
+FACTS = {"challenger": "rush", "entries": {"patrol": "patrol", "rush": "rush"}, "sprt": BOUNDS}
 POINTS = (0.0, 0.5, 1.0)
 
 
@@ -45,10 +45,10 @@ def end(plan: MatchPlan, points: float) -> Outcome:
     return ended(plan.identity, plan.blue, plan.red, {0.0: rush.other, 0.5: None, 1.0: rush}[points])
 
 
-def venue(strength: float, *, seed: int = 0) -> Callable[[Setting, Sequence[MatchPlan]], Iterator[Outcome]]:
+def venue(strength: float, *, seed: int = 0) -> Callable[[VenueSetting, Sequence[MatchPlan]], Iterator[Outcome]]:
     """Return a venue on which `rush` wins this share of its matches; matches end in any order."""
 
-    def play(_: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+    def play(_: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
         shuffled = list(plans)
         random.Random(seed).shuffle(shuffled)
         for plan in shuffled:

@@ -23,10 +23,11 @@ from tournaments.league.league import League
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.reports.formats import to_json, to_text
 from tournaments.reports.page import MOST_LISTED, to_html
-from tournaments.reports.report import Report, make_report, to_facts
+from tournaments.reports.report import Report, make_report, to_document
 from tournaments.running.scheduler import MOST_ROUNDS, Folders, Scheduler
 from tournaments.store.store import Store, StoreError
-from tournaments.venues.venue import Setting, play_local
+from tournaments.venues.local import play as play_local
+from tournaments.venues.setting import VenueSetting
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
 LEAGUE = 'pairs = 2\nseed = 1\nentries = ["rush", "patrol", "random"]\n[rules]\ntick_limit = 20'
@@ -36,7 +37,7 @@ def parse(toml: str = LEAGUE) -> League:
     return parse_league(toml, "friday", Path())
 
 
-def pretend(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+def pretend(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
     """End matches without playing them: the first name in the alphabet wins."""
     for plan in plans:
         seats = {team: SeatOutcome(faults={"late": 1}, latency_p50_s=0.001, latency_p99_s=0.002) for team in Team}
@@ -78,7 +79,7 @@ def test_what_is_stored_is_not_played_again(tmp_path: Path) -> None:
     run(tmp_path, pretend, n=7)
     asked = []
 
-    def watch(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+    def watch(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
         asked.append(len(plans))
         return pretend(setting, plans)
 
@@ -116,7 +117,7 @@ def test_an_edited_league_is_refused_and_nothing_is_lost(tmp_path: Path, edit: t
 def test_a_void_match_is_played_again_and_never_stored(tmp_path: Path) -> None:
     rounds: list[int] = []
 
-    def spoil(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+    def spoil(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
         rounds.append(len(plans))
         for number, outcome in enumerate(pretend(setting, plans)):
             is_spoiled = len(rounds) == 1 and number < 5
@@ -129,7 +130,7 @@ def test_a_void_match_is_played_again_and_never_stored(tmp_path: Path) -> None:
 
 
 def test_matches_that_stay_void_end_the_run_with_a_sentence(tmp_path: Path) -> None:
-    def spoil(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+    def spoil(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
         for outcome in pretend(setting, plans):
             yield changed(outcome, ending=Termination.VOID, winner=None)
 
@@ -141,7 +142,7 @@ def test_matches_that_stay_void_end_the_run_with_a_sentence(tmp_path: Path) -> N
 
 def test_a_match_counts_once(tmp_path: Path) -> None:
     with Store(str(tmp_path / "arena.db")) as store:
-        league = store.enter("friday", parse().facts, 2)
+        league = store.enter("friday", parse().definition, 2)
         outcome = next(pretend(None, [MatchPlan(identity="friday/a/b/0000/a-blue/0", blue="a", red="b", keys=None)]))  # type: ignore[arg-type]
 
         assert store.add(league, outcome)
@@ -197,7 +198,7 @@ def test_a_read_only_store_can_be_read_and_says_why_it_cannot_be_written(tmp_pat
         league = store.latest()
         assert store.count(league) == 2
         with pytest.raises(StoreError, match="readonly"):
-            store.enter("friday", league.facts, 2)
+            store.enter("friday", league.definition, 2)
 
 
 def test_a_store_that_is_none_is_refused(tmp_path: Path) -> None:
@@ -292,7 +293,9 @@ def test_a_name_that_is_markup_stays_text(tmp_path: Path) -> None:
     evil = "<script>alert(1)</script>"
     names = {"rush": evil, "patrol": "patrol", "random": "random"}
     outcomes = [replace(changed(one, reason=evil), blue=names[one.blue], red=names[one.red]) for one in report.outcomes]
-    league = replace(report.league, name=evil, facts={**report.league.facts, "entries": dict.fromkeys(names.values(), "rush")})
+    league = replace(
+        report.league, name=evil, definition={**report.league.definition, "entries": dict.fromkeys(names.values(), "rush")}
+    )
 
     page = to_html(make_report(league, outcomes, n_draws=10), tmp_path / "page.html", tmp_path / evil)
 
@@ -311,7 +314,7 @@ def test_a_large_league_lists_no_matches(tmp_path: Path) -> None:
 def test_a_league_without_results_has_a_report(tmp_path: Path) -> None:
     report = run(tmp_path, pretend, n=0)
 
-    assert to_facts(report)["matches"]["played"] == 0
+    assert to_document(report)["matches"]["played"] == 0
     assert "not over" in to_text(report)
     read_page(to_html(report, tmp_path / "a.html", tmp_path))
 

@@ -13,8 +13,8 @@ from family import PATIENCE_S
 from arena.errors import InputError
 from arena.game.ruleset import load
 from tournaments.league.limits import Limits
-from tournaments.running import preflight as rehearsal
-from tournaments.running.preflight import rehearse
+from tournaments.running import preflight
+from tournaments.running.preflight import check_entries
 from tournaments.store.store import Store
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
@@ -50,7 +50,9 @@ def test_all_failures_are_told_at_once_a_sentence_each(tmp_path: Path) -> None:
     }
 
     with pytest.raises(InputError) as refused:
-        rehearse({"rush": "rush", **entries, **{name: spec for name, (spec, _) in programs.items()}}, PAPER, tmp_path / "homes")
+        check_entries(
+            {"rush": "rush", **entries, **{name: spec for name, (spec, _) in programs.items()}}, PAPER, tmp_path / "homes"
+        )
 
     lines = str(refused.value).splitlines()
     expected = {name: says for name, (_, says) in [*BAD.items(), *programs.items()] if says}
@@ -64,7 +66,7 @@ def test_a_fighter_is_tried_at_home_in_another_process_and_may_answer_nonsense(t
         "def act(observation):\n    raise ValueError\n"
     )
 
-    rehearse(write(tmp_path, odd=source), PAPER, tmp_path / "homes")
+    check_entries(write(tmp_path, odd=source), PAPER, tmp_path / "homes")
 
     assert int((tmp_path / "homes" / "odd" / "here").read_text()) != os.getpid()
 
@@ -73,16 +75,16 @@ def test_what_does_not_get_ready_is_not_waited_for_and_ended(tmp_path: Path) -> 
     entries = write(tmp_path, slow="import time\ntime.sleep(600)\n")
 
     with pytest.raises(InputError, match=r"slow cannot start: it was not ready after 1 s"):
-        rehearse(entries, PAPER, tmp_path / "homes", patience_s=1)
+        check_entries(entries, PAPER, tmp_path / "homes", patience_s=1)
 
 
 INTERRUPTED = """
 import signal, sys
 from pathlib import Path
 from arena.game.ruleset import load
-from tournaments.running.preflight import rehearse
+from tournaments.running.preflight import check_entries
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job, and its children, ignore it
-rehearse({Path(path).stem: path for path in sys.argv[2:]}, load("paper"), Path(sys.argv[1]), patience_s=1e6)
+check_entries({Path(path).stem: path for path in sys.argv[2:]}, load("paper"), Path(sys.argv[1]), patience_s=1e6)
 """
 
 
@@ -107,7 +109,7 @@ def test_a_fighter_that_its_limits_keep_from_starting_is_named(tmp_path: Path) -
     entries = write(tmp_path, large="weights = bytearray(64 << 30)\n" + GOOD, small=GOOD)
 
     with pytest.raises(InputError) as refused:
-        rehearse({**entries, "rush": "rush"}, PAPER, tmp_path / "homes", Limits(memory_mb=20_000))
+        check_entries({**entries, "rush": "rush"}, PAPER, tmp_path / "homes", Limits(memory_mb=20_000))
 
     assert str(refused.value).startswith("large cannot start: ")
     assert "MemoryError" in str(refused.value)
@@ -118,9 +120,9 @@ def test_our_own_fighters_take_no_process_without_limits(tmp_path: Path, monkeyp
     def refuse(*_: object) -> None:
         raise AssertionError("a process was started")
 
-    monkeypatch.setattr(rehearsal, "Confined", refuse)
+    monkeypatch.setattr(preflight, "SandboxedProcess", refuse)
 
-    rehearse({"rush": "rush", "patrol": "patrol", "far": "key:" + "A" * 43}, PAPER, tmp_path)
+    check_entries({"rush": "rush", "patrol": "patrol", "far": "key:" + "A" * 43}, PAPER, tmp_path)
 
 
 def test_nothing_is_stored_of_a_league_with_an_entry_that_cannot_start(here: Arena, tmp_path: Path) -> None:

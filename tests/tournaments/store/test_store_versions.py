@@ -1,7 +1,12 @@
 """The tables of the store from version to version, on each database: all of the way, or not at all."""
 
+import json
+import sqlite3
+from collections.abc import Mapping
+from contextlib import closing
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import pytest
 from alembic.autogenerate import compare_metadata
@@ -10,7 +15,10 @@ from alembic.script import ScriptDirectory
 from outcomes import ended
 from sqlalchemy import Engine, inspect, text
 
+from tournaments.league.edits import find_edit
+from tournaments.league.file import parse_league
 from tournaments.outcome import Outcome
+from tournaments.running.progress import progress_of
 from tournaments.store.migrations import upgrade
 from tournaments.store.schema import METADATA, reach
 from tournaments.store.store import Store, StoreError
@@ -140,3 +148,30 @@ def test_a_database_without_tables_holds_no_results_and_gets_none_by_being_read(
     engine = reach(store_url, must_exist=False)[0]
     assert inspect(engine).get_table_names() == []
     engine.dispose()
+
+
+def test_a_gauntlet_that_was_stored_with_a_hero_has_a_challenger_and_goes_on(tmp_path: Path) -> None:
+    """The file is of the arena before the key was renamed, with all four matches of this league; rows still hold the old name."""
+    file = tmp_path / "arena.db"
+    with closing(sqlite3.connect(file)) as database:
+        database.executescript(Path(__file__).with_name("gauntlet_of_0002.sql").read_text())
+    league = parse_league(
+        'pairs = 1\nseed = 5\npairing = "gauntlet"\nchallenger = "rush"\nentries = ["rush", "patrol", "random"]', "old", tmp_path
+    )
+
+    with Store(str(file)) as store:
+        before = store.get("old")
+        assert progress_of(store, before) == {"league": "old", "entries": 3, "played": 4, "planned": 4, "complete": True}
+        assert find_edit(before.definition, {**league.definition, "secret": before.definition["secret"]}) is None
+        after = store.enter("old", {**league.definition, "secret": before.definition["secret"]}, 2)
+        edited = {**before.definition, "challenger": "patrol"}
+        with pytest.raises(StoreError, match="challenger was edited"):
+            store.enter("old", edited, 2)
+
+    assert before.definition["challenger"] == "rush"
+    assert (after.hash, after.definition, after.n_pairs) == (before.hash, before.definition, 2)
+    assert run(str(file), "SELECT facts FROM leagues") == [json.dumps(_as_stored(before.definition), sort_keys=True)]
+
+
+def _as_stored(definition: Mapping[str, Any]) -> dict[str, Any]:
+    return {"hero" if key == "challenger" else key: value for key, value in definition.items()}

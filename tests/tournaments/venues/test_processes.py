@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -24,8 +24,10 @@ from arena.match.time_control import TimeControl
 from arena.records.plan import MatchPlan
 from tournaments.fixture import plan_fixture
 from tournaments.outcome import Outcome
+from tournaments.venues.local import play as play_local
+from tournaments.venues.network import play as play_network
 from tournaments.venues.processes import MOST_DEATHS
-from tournaments.venues.venue import Setting, play_local, play_network
+from tournaments.venues.setting import VenueSetting
 
 ENTRIES = {"one": "rush", "two": "patrol", "three": "random"}
 SLOW = """
@@ -46,13 +48,13 @@ def act(observation):
 """
 
 
-def make_setting(folder: Path, **entries: str) -> Setting:
+def make_setting(folder: Path, **entries: str) -> VenueSetting:
     """Return a setting; an entry is a fighter's name, or the code of a bot."""
     for name, code in entries.items():
         if "\n" in code:
             (folder / f"{name}.py").write_text(code)
             entries[name] = str(folder / f"{name}.py")
-    return Setting(
+    return VenueSetting(
         ruleset=load("paper"), entries=entries, time_control=TimeControl(turn_time_s=None, grace_s=PATIENCE_S), slots=1,
         journals=folder / "journals", keys=folder / "keys", homes=folder / "homes",
     )  # fmt: skip
@@ -226,13 +228,13 @@ import resource, sys
 from pathlib import Path
 from test_processes import make_setting, plan
 from arena.errors import ArenaError
-from tournaments.venues import venue as venues
+from tournaments.venues.table import find_venue
 def main():
     folder, n_bytes = Path(sys.argv[2]), int(sys.argv[3])
     resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, n_bytes))
     setting = make_setting(folder, one="rush", two="patrol")
     try:
-        for outcome in getattr(venues, sys.argv[1])(setting, plan("one", "two", 2)):
+        for outcome in find_venue(sys.argv[1])(setting, plan("one", "two", 2)):
             print(outcome.identity)
     except ArenaError as error:
         print("says:", error)
@@ -242,18 +244,12 @@ if __name__ == "__main__":
 
 
 @pytest.mark.usefixtures("one_core")  # to go on; the program has all that there are
-@pytest.mark.parametrize("venue", [play_local, play_network])
-def test_a_disk_that_takes_no_journal_is_one_sentence_and_what_was_stored_can_go_on(
-    venue: Callable[[Setting, Sequence[MatchPlan]], Iterator[Outcome]], tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("venue", ["local", "network"])
+def test_a_disk_that_takes_no_journal_is_one_sentence_and_what_was_stored_can_go_on(venue: str, tmp_path: Path) -> None:
     program = tmp_path / "full.py"
     program.write_text(FULL)
-    command = [sys.executable, str(program), venue.__name__, str(tmp_path), "1000"]  # no file is to be longer
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join(
-            [str(Path(__file__).parent), str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
-        )
-    }
+    command = [sys.executable, str(program), venue, str(tmp_path), "1000"]  # no file is to be longer
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, Path(__file__).parents[:2]))}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
 
     assert done.returncode == 0, done.stderr

@@ -11,7 +11,7 @@ from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load
 from arena.game.types import Team, Termination
 from arena.local.venue import play_batch
-from arena.match.effects import End, Event, Write
+from arena.match.effects import Effect, End, Write
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.protocol.identity import Identity
@@ -24,8 +24,10 @@ from tournaments.league.file import load_league
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.running.scheduler import Folders, Scheduler, Venue
 from tournaments.store.store import Store
+from tournaments.venues.local import play as play_local
+from tournaments.venues.network import play as play_network
 from tournaments.venues.recovery import find_ended, set_aside
-from tournaments.venues.venue import Setting, play_local, play_network
+from tournaments.venues.setting import VenueSetting
 
 RULES = load("paper").with_({"tick_limit": 12})
 PLANS = plan_fixture("friday", "rush", "flawed", 3, secret_from_seed(1))
@@ -40,10 +42,10 @@ class Flawed:
 """
 
 
-def make_setting(folder: Path) -> Setting:
+def make_setting(folder: Path) -> VenueSetting:
     bot = folder / "flawed.py"
     bot.write_text(FLAWED)
-    return Setting(
+    return VenueSetting(
         ruleset=RULES, entries={"rush": "rush", "flawed": str(bot)}, time_control=TimeControl(), slots=1,
         journals=folder / "journals", keys=folder / "keys", homes=folder / "homes",
     )  # fmt: skip
@@ -123,7 +125,7 @@ def on_the_network(plan: MatchPlan, folder: Path, *, is_void: bool = False) -> M
     """Write the journal of a match in which blue is late at every third tick, and cannot be read at others; return the match."""
     header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=RULES, keys=plan.keys)
     match, pit = Match(header, TimeControl(turn_time_s=1.0, bank_s=0.0), 0.0), Identity.make()
-    events: list[Event] = []
+    events: list[Effect] = []
     for team in Team:
         events += match.ready(team, 0.0)
     now_s, n_units = 0.0, {team: len(RULES.team(team)) for team in Team}
@@ -165,7 +167,7 @@ def test_a_match_of_the_network_counts_the_same_whether_it_was_told_or_read(tmp_
 @pytest.mark.usefixtures("one_core")
 @pytest.mark.parametrize("play", [play_local, play_network])
 def test_a_void_match_is_no_result_and_is_played_again(
-    play: Callable[[Setting, Sequence[MatchPlan]], Iterator[Outcome]], tmp_path: Path
+    play: Callable[[VenueSetting, Sequence[MatchPlan]], Iterator[Outcome]], tmp_path: Path
 ) -> None:
     setting, plan = make_setting(tmp_path), PLANS[0]
     on_the_network(plan, setting.journals, is_void=True)
@@ -203,7 +205,7 @@ def run(data: Path, file: Path, play: Venue) -> list[Outcome]:
         return store.outcomes(scheduler.row)
 
 
-def lose(setting: Setting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+def lose(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
     """Play, and be killed before a result is told."""
     list(play_local(setting, plans))
     raise KeyboardInterrupt

@@ -16,7 +16,8 @@ import pytest
 from arena.game.ruleset import load
 from arena.keyring.files import make
 from arena.match.time_control import TimeControl
-from tournaments.venues.venue import Setting, address_of, invitations, near
+from tournaments.venues.network import address_of, invitations, near
+from tournaments.venues.setting import VenueSetting
 
 ARENA = [sys.executable, "-c", "from tournaments.cli import main; main()"]
 PATIENCE_S = 120
@@ -102,7 +103,7 @@ def test_another_key_does_not_get_the_seat_of_a_remote_entry(played: Played) -> 
 
 
 def test_who_listens_everywhere_is_reached_on_loopback(tmp_path: Path) -> None:
-    setting = Setting(
+    setting = VenueSetting(
         ruleset=load("paper"), entries={"far": "key:x"}, time_control=TimeControl(), slots=2, journals=tmp_path,
         keys=tmp_path / "keys",
         homes=tmp_path / "homes", remote={"far": bytes(32)}, listen="tcp/0.0.0.0:7447",

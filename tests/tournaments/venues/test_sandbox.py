@@ -12,7 +12,7 @@ from family import wait_for_the_end_of
 from arena.errors import InputError
 from tournaments.league.file import parse_league
 from tournaments.league.limits import Limits
-from tournaments.venues.sandbox import Confined
+from tournaments.venues.sandbox import SandboxedProcess
 
 WAIT_S = 60.0
 
@@ -20,11 +20,11 @@ WAIT_S = 60.0
 def run(code: str, folder: Path, limits: Limits) -> tuple[int, str]:
     """Run Python under limits, and return its exit code and what it said."""
     with (folder / "log").open("wb") as log:
-        confined = Confined([sys.executable, "-c", code], limits, folder / "home", log)
+        sandboxed = SandboxedProcess([sys.executable, "-c", code], limits, folder / "home", log)
         try:
-            return confined.process.wait(WAIT_S), (folder / "log").read_text()
+            return sandboxed.process.wait(WAIT_S), (folder / "log").read_text()
         finally:
-            confined.end(0)
+            sandboxed.end(0)
 
 
 def test_it_lives_in_a_home_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,13 +59,13 @@ def test_what_it_started_ends_with_it(tmp_path: Path) -> None:
         "time.sleep(1000)"
     )
     with (tmp_path / "log").open("wb") as log:
-        confined = Confined([sys.executable, "-c", code], Limits(), tmp_path / "home", log)
+        sandboxed = SandboxedProcess([sys.executable, "-c", code], Limits(), tmp_path / "home", log)
         end_s = time.monotonic() + WAIT_S
         while not (child := (tmp_path / "log").read_text().strip()):
             assert time.monotonic() < end_s
             os.sched_yield()
 
-        confined.end(0)
+        sandboxed.end(0)
 
     stat = Path(f"/proc/{child}/stat")
     while stat.exists() and " Z " not in stat.read_text():  # a zombie waits for whoever adopts orphans here
@@ -77,11 +77,11 @@ HOLDER = """
 import sys
 from pathlib import Path
 from tournaments.league.limits import Limits
-from tournaments.venues.sandbox import Confined
+from tournaments.venues.sandbox import SandboxedProcess
 folder = Path(sys.argv[1])
 with (folder / "log").open("wb") as log:
-    confined = Confined([sys.executable, "-c", sys.argv[2]], Limits(), folder / "home", log)
-print(confined.process.pid, flush=True)
+    sandboxed = SandboxedProcess([sys.executable, "-c", sys.argv[2]], Limits(), folder / "home", log)
+print(sandboxed.process.pid, flush=True)
 input()
 """
 

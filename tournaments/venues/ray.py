@@ -26,7 +26,10 @@ from arena.game.types import RULES_VERSION
 from arena.local.venue import BarePlan, BareRecord, MatchRecord, dress, make_folder, play_bare, save, split, strip
 from arena.records.plan import MatchPlan
 from policies.registry import load_entry
-from tournaments.venues.bundle import Parcel, pack
+from tournaments.outcome import Outcome
+from tournaments.venues.bundle import Bundle, pack
+from tournaments.venues.local import play_rest
+from tournaments.venues.setting import VenueSetting
 
 TRIES = 4
 """Times that a task is begun: machines come and go, but a fighter that ends its process would do so for ever."""
@@ -51,7 +54,16 @@ class _Task:
     n_tries: int = 1
 
 
-def play(ruleset: Ruleset, plans: Sequence[MatchPlan], entries: Mapping[str, str], *, journals: Path) -> Iterator[MatchRecord]:
+def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+    """Play on a Ray cluster what the venue `local` would play."""
+    return play_rest(
+        setting, plans, lambda left: play_on_cluster(setting.ruleset, left, setting.entries, journals=setting.journals)
+    )
+
+
+def play_on_cluster(
+    ruleset: Ruleset, plans: Sequence[MatchPlan], entries: Mapping[str, str], *, journals: Path
+) -> Iterator[MatchRecord]:
     """Play matches on the cluster and yield each once its journal is written here, in no promised order.
 
     Parameters
@@ -69,20 +81,20 @@ def play(ruleset: Ruleset, plans: Sequence[MatchPlan], entries: Mapping[str, str
     if not plans:
         return
     make_folder(journals)
-    parcel = pack(entries)
+    bundle = pack(entries)
     by_identity = {plan.identity: plan for plan in plans}
     with _cluster():
-        for played in _work(ruleset, split(plans, _n_cores()), parcel):
+        for played in _work(ruleset, split(plans, _n_cores()), bundle):
             yield from save(dress(played, by_identity), journals)
 
 
-def _work(ruleset: Ruleset, tasks: list[list[MatchPlan]], parcel: Parcel) -> Iterator[list[BareRecord]]:
+def _work(ruleset: Ruleset, tasks: list[list[MatchPlan]], bundle: Bundle) -> Iterator[list[BareRecord]]:
     """Yield what each task returned; one that was lost with its machine or its process is begun anew.
 
     Ray's own retries are off: they would never give up a task that takes more memory than there is.
     """
     remote = ray.remote(max_retries=0, num_cpus=1)(play_task)
-    rules, sent = ray.put(ruleset), ray.put(parcel)  # once for all tasks
+    rules, sent = ray.put(ruleset), ray.put(bundle)  # once for all tasks
     waiting, running = deque(_Task(plans) for plans in tasks), dict[Any, _Task]()
     while waiting or running:
         while waiting and len(running) < _TASKS_PER_CORE * _n_cores():
@@ -102,7 +114,7 @@ def _work(ruleset: Ruleset, tasks: list[list[MatchPlan]], parcel: Parcel) -> Ite
         yield played
 
 
-def play_task(ruleset: Ruleset, plans: list[BarePlan], parcel: Parcel, rules_version: int) -> list[BareRecord] | Refusal:
+def play_task(ruleset: Ruleset, plans: list[BarePlan], bundle: Bundle, rules_version: int) -> list[BareRecord] | Refusal:
     """Play a task on a machine of the cluster. Sentences come home as values: an error's class may be known only here."""
     if rules_version != RULES_VERSION:
         sentence = (
@@ -110,7 +122,7 @@ def play_task(ruleset: Ruleset, plans: list[BarePlan], parcel: Parcel, rules_ver
         )
         return Refusal(sentence=f"{sentence}; install the same arena on both", is_input=False)
     try:
-        return play_bare(ruleset, plans, partial(load_entry, parcel.unpack()), None)
+        return play_bare(ruleset, plans, partial(load_entry, bundle.unpack()), None)
     except ArenaError as error:
         return Refusal(sentence=f"machine {socket.gethostname()} of the cluster: {error}", is_input=isinstance(error, InputError))
 

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from ray.cluster_utils import Cluster
 
-import tournaments.venues.ray_cluster
+import tournaments.venues.ray
 from arena.errors import ArenaError, InputError
 from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load as load_rules
@@ -27,8 +27,10 @@ from arena.records.plan import MatchPlan
 from tournaments.fixture import plan_fixture
 from tournaments.outcome import Outcome
 from tournaments.venues.bundle import pack
-from tournaments.venues.ray_cluster import Refusal, play, play_task
-from tournaments.venues.venue import Setting, play_local, play_ray
+from tournaments.venues.local import play as play_local
+from tournaments.venues.ray import Refusal, play_on_cluster, play_task
+from tournaments.venues.ray import play as play_ray
+from tournaments.venues.setting import VenueSetting
 
 RULES = load_rules("paper").with_({"tick_limit": 20})
 PATIENCE_S = 60.0
@@ -123,9 +125,9 @@ def witness(tmp_path: Path) -> Iterator[Witness]:
     witness.close()
 
 
-def setting_of(entries: dict[str, str], folder: Path) -> Setting:
+def setting_of(entries: dict[str, str], folder: Path) -> VenueSetting:
     places = {place: folder / place for place in ("journals", "keys", "homes")}
-    return Setting(ruleset=RULES, entries=entries, time_control=None, slots=1, **places)  # type: ignore[arg-type]  # no clock here
+    return VenueSetting(ruleset=RULES, entries=entries, time_control=None, slots=1, **places)  # type: ignore[arg-type]  # no clock here
 
 
 def plans_of(entries: dict[str, str], n_pairs: int = 3) -> list[MatchPlan]:
@@ -167,19 +169,19 @@ def test_a_fighter_that_ends_its_process_is_not_tried_for_ever(
     cluster: Cluster, witness: Witness, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tries = 2
-    monkeypatch.setattr(tournaments.venues.ray_cluster, "TRIES", tries)
+    monkeypatch.setattr(tournaments.venues.ray, "TRIES", tries)
     entries = {"bad": witness.bot(tmp_path / "bad.py", then="os._exit(3)"), "random": "random"}
     plans = plans_of(entries)[:1]
 
     with pytest.raises(ArenaError, match=rf"1 matches of bad against random were begun {tries} times and never ended"):
-        list(play(RULES, plans, entries, journals=tmp_path / "journals"))
+        list(play_on_cluster(RULES, plans, entries, journals=tmp_path / "journals"))
 
     assert witness.count() == tries
 
 
 def test_a_bug_is_raised_at_once(cluster: Cluster, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     with pytest.raises(KeyError, match="random"):
-        list(play(RULES, plans_of({"rush": "", "random": ""})[:1], {"rush": "rush"}, journals=tmp_path))
+        list(play_on_cluster(RULES, plans_of({"rush": "", "random": ""})[:1], {"rush": "rush"}, journals=tmp_path))
 
     assert "begun again" not in caplog.text
 
@@ -190,7 +192,7 @@ def test_a_machine_that_cannot_load_a_fighter_says_so_in_a_sentence(cluster: Clu
     entries = {"bad": str(tmp_path / "bad.py"), "random": "random"}
 
     with pytest.raises(InputError, match=r"^machine .* of the cluster: .*bad\.py, line 1: .*No module named 'beside'$"):
-        list(play(RULES, plans_of(entries)[:1], entries, journals=tmp_path / "journals"))
+        list(play_on_cluster(RULES, plans_of(entries)[:1], entries, journals=tmp_path / "journals"))
 
 
 def test_a_machine_that_does_not_know_a_fighter_says_so_in_a_sentence() -> None:
@@ -233,7 +235,7 @@ def test_a_node_that_is_killed_loses_nothing(
         finally:
             witness.open_gate()
 
-    with ThreadPoolExecutor(1) as beside, caplog.at_level(logging.WARNING, "tournaments.venues.ray_cluster"):
+    with ThreadPoolExecutor(1) as beside, caplog.at_level(logging.WARNING, "tournaments.venues.ray"):
         killed = beside.submit(kill)
         together = by_identity(play_ray(setting_of(entries, tmp_path / "ray"), plans_of(entries)))
         killed.result(PATIENCE_S)
@@ -267,7 +269,7 @@ def test_an_address_of_no_use_is_one_sentence(
     entries = {"rush": "rush", "random": "random"}
 
     with pytest.raises(kind, match=says) as raised:
-        list(play(RULES, plans_of(entries), entries, journals=tmp_path))
+        list(play_on_cluster(RULES, plans_of(entries), entries, journals=tmp_path))
 
     assert type(raised.value) is kind
 
@@ -293,7 +295,7 @@ def test_without_ray_the_way_out_is_named(
 ) -> None:
     (tmp_path / "friday.toml").write_text(LEAGUE)
     monkeypatch.setitem(sys.modules, "ray", None)
-    monkeypatch.delitem(sys.modules, "tournaments.venues.ray_cluster")
+    monkeypatch.delitem(sys.modules, "tournaments.venues.ray")
 
     done = here("tournament", "run", tmp_path / "friday.toml", "--data", tmp_path)
 

@@ -16,14 +16,13 @@ from arena.game.types import Team
 from arena.policy import BatchPolicy
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
-from arena.protocol.handshake import new_secret, open_knock, sign_challenge
+from arena.protocol.handshake import new_secret, open_request, sign_challenge
 from arena.protocol.identity import Identity
 from arena.protocol.messages import (
-    Answer,
+    ChallengeRequest,
     Closed,
     Commitment,
     Ended,
-    Hello,
     History,
     JoinRequest,
     JournalPiece,
@@ -33,12 +32,13 @@ from arena.protocol.messages import (
     Ready,
     Receipt,
     Refusal,
+    SealedAnswer,
     Signed,
     Ticket,
     Turn,
     Wait,
 )
-from arena.protocol.observation_codec import Reader, pack
+from arena.protocol.observation_codec import ObservationReader, ObservationWriter
 from arena.protocol.sealing import Opener, Sealer
 from arena.protocol.signed import check_receipt, commit, sign_statement
 from arena.records.transcript import Head
@@ -46,20 +46,20 @@ from clients.audit import Verdict
 from clients.core import ANSWER_S, MOST_UNANSWERED, PROBE_S, SILENCE_S, ClientCore
 from clients.events import (
     Audited,
-    Clock,
     CloseSeat,
     Connected,
-    Delivered,
     Disconnected,
     Effect,
     Event,
     MatchBegun,
     MatchEnded,
+    MessageReceived,
     OpenSeat,
     Publish,
     Query,
     Reconnect,
-    Replied,
+    ReplyReceived,
+    TimePassed,
     Waiting,
     Woken,
 )
@@ -79,9 +79,9 @@ TICK_S = 0.25
 
 
 def observation(tick: int) -> bytes:
-    blank = Reader(RULES, Team.RED).blank()
+    blank = ObservationReader(RULES, Team.RED).blank()
     blank.tick[:] = tick
-    return pack(blank, 0)
+    return ObservationWriter(blank, 0).write()
 
 
 class Counter(BatchPolicy):
@@ -155,7 +155,7 @@ class Joined:
 
     def connect(self) -> list[Effect]:
         assert self.feed(Connected()) == []
-        return self.feed(Clock())
+        return self.feed(TimePassed())
 
     def challenge(self) -> bytes:
         public = self._private.public_key().public_bytes_raw()
@@ -163,27 +163,27 @@ class Joined:
 
     def reply(self, payload: bytes) -> list[Effect]:
         """Answer the oldest query."""
-        return self.feed(Replied(self.queries.pop(0).id, payload))
+        return self.feed(ReplyReceived(self.queries.pop(0).id, payload))
 
     def answer(self, message: Message) -> list[Effect]:
-        """Answer the oldest question: its Hello, and the request that follows."""
-        assert decode(self.queries[0].payload) == Hello()
+        """Answer the oldest question: its ChallengeRequest, and the request that follows."""
+        assert decode(self.queries[0].payload) == ChallengeRequest()
         effects = self.reply(self.challenge())
         assert [type(effect) for effect in effects] == [Query]
         query = self.queries.pop()
         assert query.key == JOIN
-        caller = open_knock(query.payload, "pit", self._identity.public, self._private)
+        caller = open_request(query.payload, "pit", self._identity.public, self._private)
         assert isinstance(caller.request, JoinRequest)
         self.requests.append(caller.request)
         if isinstance(message, Ticket):
             self._keys[caller.request.slot] = caller.sit(message.match, Team.RED, message.secret, 64)
-        return self.feed(Replied(query.id, caller.answer(message)))
+        return self.feed(ReplyReceived(query.id, caller.answer(message)))
 
     def seal(self, message: Message, slot: int = 0) -> bytes:
         return self._keys[slot][0].close(encode(message), 0)
 
     def deliver(self, message: Message, slot: int = 0) -> list[Effect]:
-        return self.feed(Delivered(slot, self.seal(message, slot)))
+        return self.feed(MessageReceived(slot, self.seal(message, slot)))
 
     def turn(self, tick: int, slot: int = 0) -> list[Effect]:
         return self.deliver(Turn(tick=tick, observation=observation(tick)), slot)
@@ -248,7 +248,7 @@ def test_a_client_is_done_when_the_pit_has_no_more_matches() -> None:
 
     assert both.answer(Closed(reason="all is played")) == [Waiting("no more: all is played")]
     assert both.core.is_done
-    assert both.feed(Clock(), 100.0) == []
+    assert both.feed(TimePassed(), 100.0) == []
 
 
 def test_an_unanswered_question_is_asked_again_later_and_in_the_end_over_another_connection() -> None:
@@ -257,10 +257,10 @@ def test_an_unanswered_question_is_asked_again_later_and_in_the_end_over_another
 
     for _ in range(MOST_UNANSWERED - 1):
         assert both.reply(b"") == []
-        (query,) = both.feed(Clock(), TICK_S)
+        (query,) = both.feed(TimePassed(), TICK_S)
         assert isinstance(query, Query)
     both.reply(b"")
-    assert both.feed(Clock(), TICK_S) == [Reconnect()]
+    assert both.feed(TimePassed(), TICK_S) == [Reconnect()]
 
     with pytest.raises(LostPitError, match="no pit called pit answers"):
         both.feed(Disconnected(LOST))
@@ -273,7 +273,7 @@ def test_an_answer_sets_the_count_of_unanswered_questions_back() -> None:
     for _ in range(3):
         for _ in range(MOST_UNANSWERED - 1):
             both.reply(b"")
-            both.feed(Clock(), TICK_S)
+            both.feed(TimePassed(), TICK_S)
         assert isinstance(both.answer(Wait(reason="x"))[-1], Query)
 
 
@@ -284,8 +284,8 @@ def test_a_question_that_stays_open_for_too_long_wants_another_connection(has_ch
     if has_challenge:
         both.reply(both.challenge())
 
-    assert both.feed(Clock(), ANSWER_S) == []
-    assert both.feed(Clock(), 0.1) == [Reconnect()]
+    assert both.feed(TimePassed(), ANSWER_S) == []
+    assert both.feed(TimePassed(), 0.1) == [Reconnect()]
 
 
 def test_no_request_goes_to_a_pit_that_is_not_trusted() -> None:
@@ -311,7 +311,7 @@ def change_pit(both: Joined) -> bytes:
     "forge",
     [
         lambda _: b"junk",
-        lambda _: encode(Hello()),
+        lambda _: encode(ChallengeRequest()),
         lambda both: encode(replace(decode(both.challenge()), signature=bytes(64))),
         change_pit,
         lambda _: encode(Refusal(reason="go away")),
@@ -322,7 +322,7 @@ def test_a_challenge_that_no_pit_of_this_name_made_counts_for_nothing(forge: Cal
     both.connect()
 
     assert both.reply(forge(both)) == []
-    both.feed(Clock(), TICK_S)
+    both.feed(TimePassed(), TICK_S)
 
     assert isinstance(both.answer(ticket())[0], MatchBegun)
 
@@ -337,14 +337,14 @@ def test_a_pit_of_another_version_is_refused() -> None:
         both.reply(bytes(data))
 
 
-@pytest.mark.parametrize("payload", [b"", b"junk", encode(Refusal(reason="no")), encode(Answer(sealed=bytes(80)))])
+@pytest.mark.parametrize("payload", [b"", b"junk", encode(Refusal(reason="no")), encode(SealedAnswer(sealed=bytes(80)))])
 def test_an_answer_that_the_pit_did_not_seal_counts_for_nothing(payload: bytes) -> None:
     both = Joined()
     both.connect()
     both.reply(both.challenge())
 
     assert both.reply(payload) == []
-    both.feed(Clock(), TICK_S)
+    both.feed(TimePassed(), TICK_S)
 
     assert isinstance(both.answer(ticket())[0], MatchBegun)
 
@@ -414,7 +414,7 @@ def forgeries(both: Joined) -> list[bytes]:
 
 def test_what_the_referee_did_not_seal_changes_nothing(both: Joined) -> None:
     for payload in forgeries(both):
-        assert both.feed(Delivered(0, payload)) == []
+        assert both.feed(MessageReceived(0, payload)) == []
 
     assert both.turn(0)
     assert both.heard[1:] == [orders(0)]
@@ -424,11 +424,11 @@ def test_nothing_is_heard_without_a_seat() -> None:
     both = Joined()
     both.connect()
 
-    assert both.feed(Delivered(0, b"anything")) == []
+    assert both.feed(MessageReceived(0, b"anything")) == []
     assert both.feed(Woken()) == []
 
 
-@pytest.mark.parametrize("event", [Woken(), Clock()])
+@pytest.mark.parametrize("event", [Woken(), TimePassed()])
 def test_a_policy_that_needs_longer_is_asked_again(event: Event, monkeypatch: pytest.MonkeyPatch) -> None:
     both = seated(make=Thinker)
     assert both.turn(0) == []
@@ -441,15 +441,24 @@ def test_a_policy_that_needs_longer_is_asked_again(event: Event, monkeypatch: py
     assert both.heard[1:] == [orders(0)]
 
 
+def test_a_policy_is_not_asked_again_once_the_connection_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    both = seated(make=Thinker)
+    both.turn(0)
+    both.feed(Disconnected(LOST))
+
+    monkeypatch.setattr(Thinker, "is_done", True)
+    assert both.feed(Woken()) == []
+
+
 # Silence, and a pit that went away
 
 
 def test_a_silent_seat_asks_whether_its_match_still_runs(both: Joined) -> None:
     both.turn(0)
-    both.feed(Clock(), 60.0)  # silence begins now, however long the policy thought
-    assert both.feed(Clock(), SILENCE_S) == []
+    both.feed(TimePassed(), 60.0)  # silence begins now, however long the policy thought
+    assert both.feed(TimePassed(), SILENCE_S) == []
 
-    (query,) = both.feed(Clock(), 0.1)
+    (query,) = both.feed(TimePassed(), 0.1)
     assert isinstance(query, Query)
     assert query.timeout_s == PROBE_S
     (ready,) = both.answer(ticket())
@@ -457,25 +466,25 @@ def test_a_silent_seat_asks_whether_its_match_still_runs(both: Joined) -> None:
     assert (both.requests[-1].match, both.requests[-1].team) == (MATCH, "red")
     assert isinstance(ready, Publish), "its keys on the network are the same"
     assert both.heard[-1] == Ready(known_ticks=1)
-    assert both.feed(Clock(), SILENCE_S) == []
+    assert both.feed(TimePassed(), SILENCE_S) == []
 
 
 def test_a_silent_seat_whose_question_stays_open_wants_another_connection(both: Joined) -> None:
-    both.feed(Clock(), SILENCE_S + 0.1)
+    both.feed(TimePassed(), SILENCE_S + 0.1)
 
-    assert both.feed(Clock(), PROBE_S) == []
-    assert both.feed(Clock(), 0.1) == [Reconnect()]
+    assert both.feed(TimePassed(), PROBE_S) == []
+    assert both.feed(TimePassed(), 0.1) == [Reconnect()]
 
 
 def test_a_seat_is_taken_again_over_another_connection_under_new_keys(both: Joined) -> None:
     both.turn(0)
     stale = both.seal(Turn(tick=1, observation=observation(1)))
     assert both.feed(Disconnected(LOST), 1.0) == [Waiting("for the pit to come back")]
-    assert both.feed(Delivered(0, stale)) == [], "its keys on the network are gone"
+    assert both.feed(MessageReceived(0, stale)) == [], "its keys on the network are gone"
 
     both.connect()
     opened, _ = both.answer(ticket())
-    assert both.feed(Delivered(0, stale)) == []
+    assert both.feed(MessageReceived(0, stale)) == []
     both.turn(0)
     both.turn(1)
 
@@ -493,13 +502,13 @@ def test_an_answer_that_comes_over_a_connection_that_is_closed_counts_for_nothin
     both.feed(Disconnected(LOST))
     both.connect()
 
-    assert both.feed(Replied(stale.id, both.challenge())) == []
+    assert both.feed(ReplyReceived(stale.id, both.challenge())) == []
     assert isinstance(both.answer(ticket())[0], MatchBegun)
 
 
 def test_the_same_match_under_another_commitment_is_refused_and_what_was_agreed_stands(both: Joined) -> None:
     keys = both._keys[0]
-    both.feed(Clock(), SILENCE_S + 0.1)
+    both.feed(TimePassed(), SILENCE_S + 0.1)
 
     with pytest.raises(RefusedError, match=f"the pit commits itself to match {MATCH} anew"):
         both.answer(ticket(commitment=encode(commitment(keys=OTHER_KEYS))))
@@ -511,7 +520,7 @@ def test_the_same_match_under_another_commitment_is_refused_and_what_was_agreed_
 
 def test_a_match_that_is_gone_frees_its_seat(both: Joined) -> None:
     both = seated(n_matches=2)
-    both.feed(Clock(), SILENCE_S + 0.1)
+    both.feed(TimePassed(), SILENCE_S + 0.1)
 
     closed, waiting, query = both.answer(Wait(reason="for an opponent"))
     assert (closed, waiting) == (CloseSeat(0), Waiting("for an opponent"))
@@ -524,8 +533,8 @@ def test_a_match_that_is_gone_frees_its_seat(both: Joined) -> None:
 def test_another_match_than_the_one_that_was_asked_for_makes_another_seat() -> None:
     both = seated(n_matches=2)
     both.turn(0)
-    both.feed(Clock())
-    both.feed(Clock(), SILENCE_S + 0.1)
+    both.feed(TimePassed())
+    both.feed(TimePassed(), SILENCE_S + 0.1)
 
     closed, begun, opened, _ = both.answer(ticket(NEXT))
 
@@ -542,6 +551,17 @@ def test_a_pit_that_is_away_is_looked_for_as_long_as_patience_lasts(both: Joined
     both.reply(b"")
     with pytest.raises(LostPitError):
         both.feed(Disconnected(LOST), 0.1)
+
+
+def test_every_connection_has_its_own_count_of_unanswered_questions(both: Joined) -> None:
+    for _ in range(2):
+        assert both.feed(Disconnected(LOST)) == [Waiting("for the pit to come back")]
+        assert len(both.connect()) == 1
+        for _ in range(MOST_UNANSWERED - 1):
+            both.reply(b"")
+            assert both.feed(TimePassed(), 0.0) != [Reconnect()]
+        both.reply(b"")
+        assert both.feed(TimePassed(), 0.0) == [Reconnect()]
 
 
 def test_patience_begins_anew_with_every_answer(both: Joined) -> None:
@@ -619,19 +639,19 @@ def test_an_ending_that_is_not_the_pits_or_of_another_match_is_not_believed(both
 def test_a_match_that_ended_while_the_client_was_away_ends_by_the_answer_to_its_question(is_open: bool) -> None:
     both = seated()
     if is_open:
-        both.feed(Clock(), SILENCE_S + 0.1)
+        both.feed(TimePassed(), SILENCE_S + 0.1)
     else:
         both.feed(Disconnected(LOST))
         both.connect()
 
     effects = both.answer(sign_statement(PIT, ENDED))
 
-    assert [type(effect) for effect in effects] == [Publish, MatchEnded, CloseSeat] if is_open else [MatchEnded]
+    assert [type(effect) for effect in effects] == ([Publish, MatchEnded, CloseSeat] if is_open else [MatchEnded])
     assert both.core.is_done
 
 
 def test_a_late_ending_that_is_not_the_pits_is_refused(both: Joined) -> None:
-    both.feed(Clock(), SILENCE_S + 0.1)
+    both.feed(TimePassed(), SILENCE_S + 0.1)
 
     with pytest.raises(RefusedError, match="the pit cannot be understood"):
         both.answer(sign_statement(MAN, ENDED))
@@ -640,13 +660,26 @@ def test_a_late_ending_that_is_not_the_pits_is_refused(both: Joined) -> None:
 def test_the_answer_to_a_question_that_the_ending_overtook_is_of_no_use() -> None:
     for late in (ticket(), sign_statement(PIT, ENDED)):
         both = seated(n_matches=2)
-        both.feed(Clock(), SILENCE_S + 0.1)
+        both.feed(TimePassed(), SILENCE_S + 0.1)
         both.deliver(sign_statement(PIT, ENDED))
 
         (query,) = both.answer(late)
 
         assert isinstance(query, Query)
         assert both.core.n_ended == 1
+
+
+def test_a_slot_that_is_done_is_done_once() -> None:
+    both = Joined(n_slots=2, n_matches=2)
+    both.connect()
+    both.answer(ticket())
+    both.answer(ticket(NEXT))
+    both.feed(TimePassed(), SILENCE_S + 0.1)
+    both.deliver(sign_statement(PIT, ENDED))
+
+    both.answer(Closed(reason="all is played"))
+
+    assert not both.core.is_done, "the other slot still plays"
 
 
 def test_matches_follow_each_other_until_all_are_played() -> None:
@@ -667,9 +700,9 @@ def test_several_slots_play_side_by_side_each_under_its_own_keys() -> None:
     for number in range(3):
         both.answer(ticket(f"{number:016}"))
     payload = both.seal(Turn(tick=0, observation=observation(0)), 1)
-    assert both.feed(Delivered(2, payload)) == []
+    assert both.feed(MessageReceived(2, payload)) == []
 
-    (effect,) = both.feed(Delivered(1, payload))
+    (effect,) = both.feed(MessageReceived(1, payload))
     assert isinstance(effect, Publish)
     assert effect.slot == 1
     for number in range(3):
@@ -723,7 +756,7 @@ def test_the_journal_is_fetched_piece_by_piece_and_checked() -> None:
     assert both.core.is_done
 
 
-@pytest.mark.parametrize("payload", [b"", b"junk", encode(Wait(reason="yet")), encode(Hello())])
+@pytest.mark.parametrize("payload", [b"", b"junk", encode(Wait(reason="yet")), encode(ChallengeRequest())])
 def test_a_journal_that_cannot_be_had_is_no_verdict(payload: bytes) -> None:
     both = audited()
 
@@ -737,4 +770,4 @@ def test_an_audit_that_the_end_of_a_connection_cut_off_does_not_keep_a_client() 
 
     assert both.feed(Disconnected(LOST)) == []
     assert both.core.is_done
-    assert both.feed(Replied(query.id, b"")) == []
+    assert both.feed(ReplyReceived(query.id, b"")) == []

@@ -1,0 +1,29 @@
+"""The rating methods by their names: our own, and those of other people's packages, entry points of the group `arena.ratings`."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from tournaments.outcome import Outcome
+from tournaments.plug_ins import find_plug_in
+from tournaments.ratings.rate import N_DRAWS, Ratings, rate
+
+GROUP = "arena.ratings"
+"""An entry point of it is a `RatingMethod`."""
+DEFAULT = "davidson"
+
+
+class RatingMethod(Protocol):
+    """Makes ratings of a league's results; the order of the results must not matter."""
+
+    def __call__(
+        self, names: Sequence[str], outcomes: Sequence[Outcome], *, are_maps_fresh: bool = False, n_draws: int = N_DRAWS
+    ) -> Ratings:
+        """Rate every entry of `names`, with matches or without; `n_draws` is the effort that intervals are worth."""
+
+
+_OWN: dict[str, RatingMethod] = {DEFAULT: rate}
+
+
+def find_method(name: str = DEFAULT) -> RatingMethod:
+    """Return a rating method; `InputError` if there is none of that name."""
+    return find_plug_in(GROUP, "rating method", _OWN, name)

@@ -1,0 +1,77 @@
+"""The venue `network`: the real pit, a referee and every entry a process of its own, Zenoh between them."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+
+from arena.keyring.files import load_or_make
+from arena.network.address import Address
+from arena.network.session import free_port
+from arena.records.plan import MatchPlan
+from tournaments.outcome import Outcome
+from tournaments.venues.processes import ClientProcess, RefereeProcess, entry_key_path
+from tournaments.venues.recovery import find_ended
+from tournaments.venues.setting import VenueSetting, ignore_invitations
+
+_PIT = "league"
+
+
+def address_of(setting: VenueSetting) -> Address:
+    """Return where the pit of a league is, in the venue `network`."""
+    pit = load_or_make(setting.keys / "pit.key")
+    return Address(endpoint=setting.listen or f"tcp/127.0.0.1:{free_port()}", pit=_PIT, fingerprint=pit.fingerprint)
+
+
+def near(address: Address) -> Address:
+    """Return how an address is reached from this machine: a pit that listens everywhere is also on loopback."""
+    endpoint = address.endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+    return replace(address, endpoint=endpoint)
+
+
+def invitations(setting: VenueSetting, address: Address) -> dict[str, str]:
+    """Return the command with which each entry joins that comes by itself."""
+    return {name: f"arena join '{address}' --name {name} --key FILE --slots {setting.slots} --forever" for name in setting.remote}
+
+
+def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+    """Play over Zenoh, on loopback. A void match is told of, and not played again here.
+
+    Raises
+    ------
+    ArenaError
+        The referee died again and again, or a client that played no match; a log says why.
+    """
+    left = {plan.identity: plan for plan in plans}
+    for outcome in find_ended(setting.journals, setting.ruleset, plans):
+        del left[outcome.identity]
+        yield outcome
+    if not left:
+        return
+    setting.journals.mkdir(parents=True, exist_ok=True)
+    names = sorted({name for plan in left.values() for name in (plan.blue, plan.red)})
+    ours = [name for name in names if name not in setting.remote]
+    entries = {**setting.remote, **{name: load_or_make(entry_key_path(setting, name)).public for name in ours}}
+    address = address_of(setting)
+    with ExitStack() as processes:
+        referee = processes.enter_context(RefereeProcess(replace(setting, on_open=ignore_invitations), address, entries))
+        referee.start(list(left.values()))
+        setting.on_open(invitations(setting, address))
+        clients = [processes.enter_context(ClientProcess(setting, near(address), name)) for name in ours]
+        while left:
+            is_gone = False
+            try:
+                ended = referee.receive()
+            except EOFError:
+                is_gone = True
+                referee.reap()
+                # What it wrote to a journal and could not tell any more has ended; only the rest is played.
+                ended = list(find_ended(setting.journals, setting.ruleset, left.values()))
+            for outcome in ended:
+                if left.pop(outcome.identity, None) is not None:
+                    yield outcome
+            if is_gone and left:
+                referee.start(list(left.values()))
+            n_left = Counter(name for plan in left.values() for name in (plan.blue, plan.red))
+            for client in clients:
+                client.keep_alive(n_left[client.name])

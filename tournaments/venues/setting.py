@@ -1,0 +1,43 @@
+"""What every venue is given, and what it is: it takes plans, and yields outcomes as matches end, in no promised order."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from arena.game.ruleset import Ruleset
+from arena.match.time_control import TimeControl
+from arena.records.plan import MatchPlan
+from tournaments.league.limits import NO_LIMITS, Limits
+from tournaments.outcome import Outcome
+
+
+def ignore_invitations(_: Mapping[str, str]) -> None:
+    """Tell nobody how to join."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VenueSetting:
+    """What a venue needs to know of a league."""
+
+    ruleset: Ruleset
+    entries: Mapping[str, str]
+    """The fighter, by name or file, behind each entry."""
+    time_control: TimeControl
+    slots: int
+    """Seats that the process of an entry holds at once."""
+    journals: Path
+    keys: Path
+    """Folder for the keys of the pit and of the entries: a process that is started anew keeps its identity."""
+    homes: Path
+    """Folder for the homes of the entries' processes."""
+    limits: Limits = NO_LIMITS
+    """For each process of an entry."""
+    remote: Mapping[str, bytes] = field(default_factory=dict)
+    """The public keys of those entries that join by themselves; they have no process here."""
+    listen: str = ""
+    """Endpoint of the pit; any free port of loopback without it."""
+    on_open: Callable[[Mapping[str, str]], None] = ignore_invitations
+    """Called once the pit is open, with the command by which each of `remote` joins."""
+
+
+Venue = Callable[[VenueSetting, Sequence[MatchPlan]], Iterator[Outcome]]
