@@ -124,13 +124,13 @@ def _cell(standings: Standings, one: str, other: str) -> Cell | None:
     return Cell(
         shade=round(record.score * (N_SHADES - 1)),
         text=f"{100 * record.score:.0f}",
-        says=f"{one} v {other}: {say_record(record)}",
+        says=f"{one} v {other}: {format_record(record)}",
         pair=(one, other) if one < other else (other, one),
         is_upper=one < other,
     )
 
 
-def say_record(record: Record) -> str:
+def format_record(record: Record) -> str:
     """Return wins, draws and losses in words; what there was none of is left out."""
     counts = ((record.wins, "won"), (record.draws, "drawn"), (record.losses, "lost"))
     return ", ".join(f"{n} {how}" for n, how in counts if n)

@@ -10,7 +10,7 @@ from pathlib import Path
 from arena.console import format_table
 from arena.errors import InputError
 from tournaments.reports.leaderboard import as_table, fault_kinds, rounded, row_to_dict
-from tournaments.reports.report import MOST_TOLD, Report, summary, to_document
+from tournaments.reports.report import MOST_SHOWN, Report, summary, to_document
 
 
 def render(report: Report, form: str, page: Path, journals: Path) -> str:
@@ -64,7 +64,7 @@ def to_markdown(report: Report) -> str:
             ("entry", "against", "score", "expected", "standard errors"),
             [
                 (one.one, one.other, f"{one.score:.3f}", f"{one.expected:.3f}", f"{one.z:+.1f}")
-                for one in standings.residuals[:MOST_TOLD]
+                for one in standings.residuals[:MOST_SHOWN]
             ],
         )
     return "\n".join(lines) + "\n"

@@ -17,9 +17,9 @@ from arena.records.journal import journal_name
 from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
 from tournaments.ratings.methods import DEFAULT
-from tournaments.reports.charts import chance_map, heat_map, rating_plot, say_record, side_plot
+from tournaments.reports.charts import chance_map, format_record, heat_map, rating_plot, side_plot
 from tournaments.reports.leaderboard import STRENGTH, failure_columns, latency_columns
-from tournaments.reports.report import LATENCY_NOTE, MOST_TOLD, Report, verdict_lines, warnings
+from tournaments.reports.report import LATENCY_NOTE, MOST_SHOWN, Report, verdict_lines, warnings
 from tournaments.store.store import StoredLeague
 
 MOST_LISTED = 600
@@ -57,7 +57,7 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
         sides=(("blue", standings.side.blue_wins), ("drawn", standings.side.draws), ("red", standings.side.red_wins)),
         heat=heat_map(standings),
         chances=chance_map(standings) if standings.n_matches and standings.superiority else {},
-        residuals=standings.residuals[:MOST_TOLD],
+        residuals=standings.residuals[:MOST_SHOWN],
         verdict=verdict_lines(report),
         warnings=warnings(report),
         fixtures=[_list(report, pair, fixtures[pair], folder) for pair in fixtures] if is_listed else [],
@@ -95,7 +95,7 @@ def _list(report: Report, pair: tuple[str, str], outcomes: Sequence[Outcome], fo
     """Return a fixture with its matches, and where their journals lie."""
     return {
         "pair": pair,
-        "says": " v ".join(pair) + ": " + say_record(report.standings.cross[pair]),
+        "says": " v ".join(pair) + ": " + format_record(report.standings.cross[pair]),
         "matches": [
             {
                 "outcome": outcome,

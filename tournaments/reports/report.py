@@ -23,13 +23,13 @@ FORMAT = 1
 """Of the JSON document; rises whenever a key changes its meaning."""
 LATENCY_NOTE = "p50 is the median over matches, p99 that of the worst; of a match, since its referee was last started"
 """What the columns of answer times are of."""
-MOST_TOLD = 5
-"""Residuals, and cycles, that a reader is told of; the document holds all."""
+MOST_SHOWN = 5
+"""Residuals, and cycles, that are shown; the document holds all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """Everything that a report tells."""
+    """A league's standings, and what they were made from."""
 
     league: StoredLeague
     standings: Standings
@@ -154,8 +154,8 @@ def warnings(report: Report) -> list[str]:
 
 def _first(sentences: Sequence[str], what: str) -> list[str]:
     """Return the first of many sentences, and how many there are more."""
-    n_more = len(sentences) - MOST_TOLD
-    return [*sentences[:MOST_TOLD], *([f"{n_more} more {what} are in the JSON document"] if n_more > 0 else [])]
+    n_more = len(sentences) - MOST_SHOWN
+    return [*sentences[:MOST_SHOWN], *([f"{n_more} more {what} are in the JSON document"] if n_more > 0 else [])]
 
 
 def verdict_lines(report: Report) -> list[str]:

@@ -19,7 +19,7 @@ from tournaments.reports.charts import N_SHADES, heat_map, rating_plot, side_plo
 from tournaments.reports.formats import to_csv, to_markdown, to_text
 from tournaments.reports.leaderboard import as_table, as_web_table, columns
 from tournaments.reports.page import to_html
-from tournaments.reports.report import MOST_TOLD, Report, make_report, summary, to_document
+from tournaments.reports.report import MOST_SHOWN, Report, make_report, summary, to_document
 from tournaments.store.store import StoredLeague
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
@@ -205,10 +205,10 @@ def test_who_is_likely_the_stronger_is_told_in_every_format(tmp_path: Path) -> N
 
 def test_many_warnings_are_cut_short_and_the_rest_is_counted() -> None:
     told = league_of("abcd", 60, in_a_circle)
-    many = replace(told, standings=replace(told.standings, cycles=told.standings.cycles * (MOST_TOLD + 2)))
+    many = replace(told, standings=replace(told.standings, cycles=told.standings.cycles * (MOST_SHOWN + 2)))
 
     assert "2 more circles are in the JSON document" in to_text(many)
-    assert to_text(many).count("no rating shows that") == MOST_TOLD
+    assert to_text(many).count("no rating shows that") == MOST_SHOWN
 
 
 def test_where_maps_are_fresh_the_intervals_are_over_matches() -> None:
