@@ -10,10 +10,9 @@ may rely on this:
 - tables go out by `arena.console.print_table`, and with `--json` the same values by `print_json`.
 """
 
-import json
 import logging
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points, version
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -141,7 +140,7 @@ def rules(
     if as_json:
         print_json(facts[0] if ruleset else facts)
     elif ruleset:
-        typer.echo("\n".join(_toml(facts[0])))
+        typer.echo(_toml(facts[0]), nl=False)
     else:
         print_table(("name", "side", "blue", "red", "ticks", "fog", "combat", "about"), map(_row, facts))
 
@@ -168,16 +167,9 @@ def _row(facts: Mapping[str, Any]) -> list[object]:
     return [facts["name"], values["side"], blue, red, values["tick_limit"], values["fog"], combat, facts["about"]]
 
 
-def _toml(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines of a file that `arena.game.ruleset.load` reads back to the same rules."""
-    yield f"# {facts['name']}{': ' if facts['about'] else ''}{facts['about']}"
-    yield f"# hash {facts['hash']}"
-    yield "# each key is explained in docs/rules.md"
-    yield ""
-    tables = {(): facts["rules"]} | {("units", name): row for name, row in facts["rules"]["units"].items()}
-    for path, values in tables.items():
-        if path:
-            yield f"\n[{'.'.join(json.dumps(key) if not key.isidentifier() else key for key in path)}]"
-        for key, value in values.items():
-            if not isinstance(value, Mapping):
-                yield f"{key} = '''\n{value}'''" if key == "board" else f"{key} = {json.dumps(value)}"
+def _toml(facts: Mapping[str, Any]) -> str:
+    """Return a file that `arena.game.ruleset.load` reads back to the same rules."""
+    import tomli_w
+
+    head = f"# {facts['name']}{': ' if facts['about'] else ''}{facts['about']}\n# hash {facts['hash']}\n# each key is explained in docs/rules.md\n\n"
+    return head + tomli_w.dumps(facts["rules"], multiline_strings=True)

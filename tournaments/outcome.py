@@ -45,6 +45,11 @@ class Outcome:
         """The entry that won; None in a draw."""
         return None if self.result.winner is None else (self.blue, self.red)[self.result.winner]
 
+    @property
+    def headline(self) -> str:
+        """Who won and how, as in "rush wins by forfeit (red vanished)"."""
+        return self.result.headline(self.blue, self.red)
+
     def points(self, entry: str) -> float:
         """Return what the match is worth to one of its two entries: 1 for a win, 0.5 for a draw, 0 for a loss."""
         return self.result.points(Team.BLUE if self.blue == entry else Team.RED)

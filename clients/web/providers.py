@@ -10,7 +10,7 @@ class Leagues(Protocol):
         """Return the names of all leagues; none if there is no store."""
 
     def report(self, name: str) -> dict[str, Any]:
-        """Return the report of a league, as `arena tournament report --format json` prints it, and its `matches_played`."""
+        """Return the report of a league, as `arena tournament report --json` prints it, its `leaderboard` and `results`."""
 
     def journal(self, name: str, identity: str) -> bytes:
         """Return the journal of a match, if all of its pair is over."""

@@ -19,7 +19,7 @@ from arena.records.journal import load_journal
 from arena.records.replay import verify
 from clients.lobby import ask_challenge, ask_lobby
 from tournaments.ladder.ladder_store import LadderStore
-from tournaments.ladder.skill import Player, rank, rate
+from tournaments.ladder.skill import LadderEntry, rank, rate
 from tournaments.store.schema import LADDER_MATCHES
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -42,19 +42,19 @@ def read_rows(data: Path) -> list[Any]:
 
 def read_standings(data: Path) -> list[dict[str, Any]]:
     with LadderStore(str(data / "arena.db"), make=False) as store:
-        return rank(store.players("pit"))
+        return rank(store.entries("pit"))
 
 
 def rate_anew(rows: list[Any]) -> list[dict[str, Any]]:
     """Rate the stored matches from the first on."""
-    players: dict[str, Player] = {}
+    players: dict[str, LadderEntry] = {}
     for row in rows:
         winner = None if row.winner is None else Team[row.winner.upper()]
         result = MatchResult(ending=Termination[row.ending.upper()], winner=winner, score=0, ticks=0, reason="")
         if result.ending is not Termination.VOID:
             seated = {
-                Team.BLUE: players.get(row.blue, Player(key=row.blue_key, name=row.blue)),
-                Team.RED: players.get(row.red, Player(key=row.red_key, name=row.red)),
+                Team.BLUE: players.get(row.blue, LadderEntry(key=row.blue_key, name=row.blue)),
+                Team.RED: players.get(row.red, LadderEntry(key=row.red_key, name=row.red)),
             }
             players |= {player.name: player for player in rate(seated, result).values()}
     return rank(list(players.values()))

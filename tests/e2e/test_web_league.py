@@ -69,7 +69,7 @@ def test_the_leaderboard_says_what_the_report_says_and_can_be_sorted(home: str, 
     assert entries.all_text_contents() == sorted(best_first)
     page.get_by_role("button", name="Entry").click()
     assert entries.all_text_contents() == sorted(best_first, reverse=True)
-    assert page.locator("th[aria-sort=descending]").text_content() == "Entry \u25be"
+    assert page.locator("th[aria-sort=descending]").text_content() == "entry \u25be"
     page.get_by_role("button", name="Wins").click()
     wins = {row["entry"]: row["wins"] for row in report["standings"]}
     assert [wins[name] for name in entries.all_text_contents()] == sorted(wins.values(), reverse=True)

@@ -233,14 +233,14 @@ def _one_of(option: str, value: str, known: tuple[str, ...]) -> str:
 
 def _show(report: "Report", form: str, out: Path | None, journals: Path) -> None:
     from tournaments.reports.formats import render, save
-    from tournaments.reports.report import leaderboard as table
+    from tournaments.reports.leaderboard import as_table
     from tournaments.reports.report import summary
 
     if out is not None:
         save(out, render(report, form, out, journals))
         typer.echo(f"wrote {out}", err=True)
     elif form == "text":
-        print_table(*table(report))
+        print_table(*as_table(report.standings.rows))
         for line in summary(report):
             typer.echo(line)
     else:

@@ -19,12 +19,12 @@ from arena.protocol.identity import to_text
 from tournaments.ladder.ladder_store import LadderStore
 from tournaments.ladder.matchmaking import Candidate
 from tournaments.ladder.matchmaking import choose as choose_pair
-from tournaments.ladder.skill import Player, rank, rate
+from tournaments.ladder.skill import LadderEntry, rank, rate
 from tournaments.store.schema import StoreError
 
 MOST_REMEMBERED = 10_000
 """Entries whose last opponent is remembered."""
-_Row = tuple[LadderMatch, dict[Team, Player]]
+_Row = tuple[LadderMatch, dict[Team, LadderEntry]]
 
 
 class RatedLadder:
@@ -32,7 +32,7 @@ class RatedLadder:
 
     def __init__(self, store: LadderStore, name: str) -> None:
         self._store, self._name = store, name
-        self._players = {player.key: player for player in store.players(name)}
+        self._entries = {entry.key: entry for entry in store.entries(name)}
         self._last: OrderedDict[str, str] = OrderedDict()
         """By key: whom it met last."""
         self._ranked: list[dict[str, Any]] | None = None
@@ -56,7 +56,7 @@ class RatedLadder:
         keys = [to_text(one.entry) for one in waiting]
         index = {key: number for number, key in enumerate(keys)}
         candidates = [
-            Candidate(mu=self._player(key).mu, since_s=one.since_s, last=index.get(self._last.get(key, "")))
+            Candidate(mu=self._entry(key).mu, since_s=one.since_s, last=index.get(self._last.get(key, "")))
             for key, one in zip(keys, waiting, strict=True)
         ]
         chosen = choose_pair(candidates, now_s)
@@ -71,27 +71,27 @@ class RatedLadder:
         return waiting[blue], waiting[red]
 
     def _blueness(self, key: str) -> int:
-        player = self._player(key)
-        return 2 * player.n_blue - player.n_matches
+        entry = self._entry(key)
+        return 2 * entry.n_blue - entry.n_matches
 
-    def _player(self, key: str) -> Player:
-        return self._players.get(key) or Player(key=key, name="")
+    def _entry(self, key: str) -> LadderEntry:
+        return self._entries.get(key) or LadderEntry(key=key, name="")
 
     def count(self, match: LadderMatch) -> None:
         """Rate a match that ended, and leave it to be stored."""
         self._check()
-        after: dict[Team, Player] = {}
+        after: dict[Team, LadderEntry] = {}
         if match.result.ending is not Termination.VOID:
-            before = {team: replace(self._player(to_text(match.entries[team])), name=match.names[team]) for team in Team}
+            before = {team: replace(self._entry(to_text(match.entries[team])), name=match.names[team]) for team in Team}
             after = rate(before, match.result)
-            self._players.update((player.key, player) for player in after.values())
+            self._entries.update((entry.key, entry) for entry in after.values())
             self._ranked = None
         self._rows.put((match, after))
 
     def standings(self) -> list[dict[str, Any]]:
         """Return everyone who has a rating, the best first."""
         if self._ranked is None:
-            self._ranked = rank(list(self._players.values()))
+            self._ranked = rank(list(self._entries.values()))
         return self._ranked
 
     def _check(self) -> None:

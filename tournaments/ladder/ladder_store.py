@@ -10,7 +10,7 @@ from arena.errors import ArenaError
 from arena.game.types import Team
 from arena.pit.ladder import LadderMatch
 from arena.protocol.identity import to_text
-from tournaments.ladder.skill import Player
+from tournaments.ladder.skill import LadderEntry
 from tournaments.store.schema import LADDER_ENTRIES, LADDER_MATCHES, StoreError
 from tournaments.store.store import Store, TakenError
 
@@ -37,11 +37,11 @@ class LadderStore(Store):
         except TakenError as error:
             raise TakenLadderError(ladder) from error
 
-    def players(self, ladder: str) -> list[Player]:
+    def entries(self, ladder: str) -> list[LadderEntry]:
         """Return everyone on a ladder."""
         query = select(*(LADDER_ENTRIES.c[name] for name in _FIELDS)).where(LADDER_ENTRIES.c.ladder == ladder)
         rows = self._do("read", lambda connection: connection.execute(query).all())
-        return [Player(**row._mapping) for row in rows]
+        return [LadderEntry(**row._mapping) for row in rows]
 
     def counted(self, ladder: str) -> set[str]:
         """Return the identities of the matches that were counted."""
@@ -61,8 +61,8 @@ class LadderStore(Store):
             raise StoreError("the store holds no ladder yet; arena serve --ladder begins one")
         return found
 
-    def count_match(self, ladder: str, match: LadderMatch, after: dict[Team, Player]) -> bool:
-        """Keep a match, and its two players as they are after it; False if it was counted before, which changes nothing."""
+    def count_match(self, ladder: str, match: LadderMatch, after: dict[Team, LadderEntry]) -> bool:
+        """Keep a match, and its two entries as they are after it; False if it was counted before, which changes nothing."""
         row = {
             "ladder": ladder,
             "identity": match.identity,
@@ -76,8 +76,8 @@ class LadderStore(Store):
         }
         keep = self._insert(LADDER_MATCHES).values(row).on_conflict_do_nothing(index_elements=["identity"]).inline()
         changes = []
-        for player in after.values():
-            values = {name: getattr(player, name) for name in _FIELDS}
+        for entry in after.values():
+            values = {name: getattr(entry, name) for name in _FIELDS}
             change = self._insert(LADDER_ENTRIES).values(ladder=ladder, **values)
             changes.append(change.on_conflict_do_update(index_elements=["ladder", "key"], set_=values))
 

@@ -18,7 +18,7 @@ SURE = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Player:
+class LadderEntry:
     """An entry of a ladder, after the matches that it has played there."""
 
     key: str
@@ -53,47 +53,47 @@ def _model() -> "PlackettLuce":
     return PlackettLuce(mu=START_MU, sigma=START_SIGMA)
 
 
-def rate(players: Mapping[Team, Player], result: MatchResult) -> dict[Team, Player]:
-    """Return two players after a match between them; a forfeit is a loss, and a void match is not to be rated."""
+def rate(entries: Mapping[Team, LadderEntry], result: MatchResult) -> dict[Team, LadderEntry]:
+    """Return two entries after a match between them; a forfeit is a loss, and a void match is not to be rated."""
     if result.ending is Termination.VOID:
         raise ValueError("a void match says nothing of who played it")
     model = _model()
-    ratings = [[model.rating(mu=players[team].mu, sigma=players[team].sigma)] for team in Team]
+    ratings = [[model.rating(mu=entries[team].mu, sigma=entries[team].sigma)] for team in Team]
     ranks = [1.0 if result.winner in (team, None) else 2.0 for team in Team]
     rated = model.rate(ratings, ranks=ranks)
     return {
-        team: _count(players[team], team, result, mu=after.mu, sigma=after.sigma)
+        team: _count(entries[team], team, result, mu=after.mu, sigma=after.sigma)
         for team, [after] in zip(Team, rated, strict=True)
     }
 
 
-def _count(player: Player, team: Team, result: MatchResult, *, mu: float, sigma: float) -> Player:
+def _count(entry: LadderEntry, team: Team, result: MatchResult, *, mu: float, sigma: float) -> LadderEntry:
     has_lost = result.winner is team.other
     return replace(
-        player,
+        entry,
         mu=mu,
         sigma=sigma,
-        wins=player.wins + (result.winner is team),
-        draws=player.draws + (result.winner is None),
-        losses=player.losses + has_lost,
-        forfeits=player.forfeits + (has_lost and result.ending is Termination.FORFEIT),
-        n_blue=player.n_blue + (team is Team.BLUE),
+        wins=entry.wins + (result.winner is team),
+        draws=entry.draws + (result.winner is None),
+        losses=entry.losses + has_lost,
+        forfeits=entry.forfeits + (has_lost and result.ending is Termination.FORFEIT),
+        n_blue=entry.n_blue + (team is Team.BLUE),
     )
 
 
-def rank(players: list[Player]) -> list[dict[str, Any]]:
+def rank(entries: list[LadderEntry]) -> list[dict[str, Any]]:
     """Return the standings, the best first, as `arena.protocol.messages.Lobby` has them."""
-    ordered = sorted(players, key=lambda player: (-player.rating, player.name, player.key))
+    ordered = sorted(entries, key=lambda entry: (-entry.rating, entry.name, entry.key))
     return [
         {
-            "name": player.name,
-            "rating": round(player.rating, 3),
-            "mu": round(player.mu, 3),
-            "sigma": round(player.sigma, 3),
-            "wins": player.wins,
-            "draws": player.draws,
-            "losses": player.losses,
-            "forfeits": player.forfeits,
+            "name": entry.name,
+            "rating": round(entry.rating, 3),
+            "mu": round(entry.mu, 3),
+            "sigma": round(entry.sigma, 3),
+            "wins": entry.wins,
+            "draws": entry.draws,
+            "losses": entry.losses,
+            "forfeits": entry.forfeits,
         }
-        for player in ordered
+        for entry in ordered
     ]

@@ -71,6 +71,12 @@ class Standing:
     forfeits: int
     latency: Latency | None
 
+    @property
+    def rank_range(self) -> str:
+        """Its rank as what is known of it, as in `2 to 4`."""
+        low, high = self.rating.rank_low, self.rating.rank_high
+        return f"{low}" if low == high else f"{low} to {high}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SideBias:

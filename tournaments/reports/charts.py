@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from math import ceil, floor
 
 from tournaments.ratings.standings import Record, SideBias, Standing, Standings
-from tournaments.reports.report import rank_range
 
 N_SHADES = 11
 """Of the heat map: 0 lost everything, 5 is even, 10 won everything; an odd number, so that even has a shade of its own."""
@@ -71,7 +70,7 @@ def rating_plot(rows: Sequence[Standing]) -> Plot:
             Mark(
                 label=row.name if len(row.name) <= _LONGEST else row.name[: _LONGEST - 1] + "\N{HORIZONTAL ELLIPSIS}",
                 value=f"{rating.elo:+.0f}",
-                says=f"{row.name}: {rating.elo:+.0f} Elo, 95% interval {interval}, rank {rank_range(row)}",
+                says=f"{row.name}: {rating.elo:+.0f} Elo, 95% interval {interval}, rank {row.rank_range}",
                 low=_place(rating.elo_low, first, last),
                 middle=_place(rating.elo, first, last),
                 high=_place(rating.elo_high, first, last),
@@ -125,13 +124,13 @@ def _cell(standings: Standings, one: str, other: str) -> Cell | None:
     return Cell(
         shade=round(record.score * (N_SHADES - 1)),
         text=f"{100 * record.score:.0f}",
-        says=f"{one} v {other}: {say_record(record)}",
+        says=f"{one} v {other}: {format_record(record)}",
         pair=(one, other) if one < other else (other, one),
         is_upper=one < other,
     )
 
 
-def say_record(record: Record) -> str:
+def format_record(record: Record) -> str:
     """Return wins, draws and losses in words; what there was none of is left out."""
     counts = ((record.wins, "won"), (record.draws, "drawn"), (record.losses, "lost"))
     return ", ".join(f"{n} {how}" for n, how in counts if n)

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from arena.console import format_table
 from arena.errors import InputError
-from tournaments.reports.report import MOST_TOLD, Report, fault_kinds, leaderboard, rounded, row_to_dict, summary, to_document
+from tournaments.reports.leaderboard import as_table, fault_kinds, rounded, row_to_dict
+from tournaments.reports.report import MOST_SHOWN, Report, summary, to_document
 
 
 def render(report: Report, form: str, page: Path, journals: Path) -> str:
@@ -45,14 +46,14 @@ def to_json(report: Report) -> str:
 
 def to_text(report: Report) -> str:
     """Return the leaderboard and its summary as plain text."""
-    return format_table(*leaderboard(report)) + "\n".join(summary(report)) + "\n"
+    return format_table(*as_table(report.standings.rows)) + "\n".join(summary(report)) + "\n"
 
 
 def to_markdown(report: Report) -> str:
     """Return the leaderboard, its summary, who is likely the stronger, and what the ratings do not tell, as Markdown."""
     standings = report.standings
     names = [row.name for row in standings.rows]
-    lines = [f"# {_plain(report.league.name)}", "", *_table(*leaderboard(report)), ""]
+    lines = [f"# {_plain(report.league.name)}", "", *_table(*as_table(report.standings.rows)), ""]
     lines += [f"- {_plain(line)}" for line in summary(report)]
     if standings.n_matches and standings.superiority:
         chances = [(one, *(_percent(standings.superiority.get((one, other))) for other in names)) for one in names]
@@ -63,7 +64,7 @@ def to_markdown(report: Report) -> str:
             ("entry", "against", "score", "expected", "standard errors"),
             [
                 (one.one, one.other, f"{one.score:.3f}", f"{one.expected:.3f}", f"{one.z:+.1f}")
-                for one in standings.residuals[:MOST_TOLD]
+                for one in standings.residuals[:MOST_SHOWN]
             ],
         )
     return "\n".join(lines) + "\n"
@@ -87,13 +88,13 @@ def _plain(text: str) -> str:
 def to_csv(report: Report) -> str:
     """Return the leaderboard as CSV: a row for each entry, an empty cell for what is not known."""
     standings = report.standings.rows
-    facts = [row_to_dict(row) for row in standings]
-    columns = [name for name in (facts[0] if facts else ()) if name != "faults"]
+    values = [row_to_dict(row) for row in standings]
+    columns = [name for name in (values[0] if values else ()) if name != "faults"]
     kinds = fault_kinds(standings)
     text = StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow((*columns, *kinds, "latency_p50_s", "latency_p99_s"))
-    for row, fact in zip(standings, facts, strict=True):
+    for row, value in zip(standings, values, strict=True):
         latency = (None, None) if row.latency is None else (rounded(row.latency.p50_s, 6), rounded(row.latency.p99_s, 6))
-        table.writerow((*(fact[name] for name in columns), *(row.faults.get(kind, 0) for kind in kinds), *latency))
+        table.writerow((*(value[name] for name in columns), *(row.faults.get(kind, 0) for kind in kinds), *latency))
     return text.getvalue()

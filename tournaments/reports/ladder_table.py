@@ -21,7 +21,7 @@ def render_ladder(url: str, ladder: str, form: str) -> str:
     """
     with LadderStore(url, make=False) as store:
         name = ladder or store.latest_ladder()
-        rows = rank(store.players(name))
+        rows = rank(store.entries(name))
     if not rows:
         raise StoreError(f"the store holds no ladder of a pit called {name}; arena serve --ladder --pit {name} begins one")
     if form == "json":

@@ -2,7 +2,7 @@
 
 import os
 from base64 import b64encode
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from hashlib import sha256
@@ -17,23 +17,13 @@ from arena.records.journal import journal_name
 from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
 from tournaments.ratings.methods import DEFAULT
-from tournaments.ratings.standings import Standing
-from tournaments.reports.charts import chance_map, heat_map, rating_plot, say_record, side_plot
-from tournaments.reports.report import LATENCY_NOTE, MOST_TOLD, Report, fault_kinds, rank_range, verdict_lines, warnings
+from tournaments.reports.charts import chance_map, format_record, heat_map, rating_plot, side_plot
+from tournaments.reports.leaderboard import STRENGTH, failure_columns, latency_columns
+from tournaments.reports.report import LATENCY_NOTE, MOST_SHOWN, Report, verdict_lines, warnings
 from tournaments.store.store import StoredLeague
 
 MOST_LISTED = 600
 """Matches whose lists stand in the page; those of more are written by its script, a fixture's when its cell is chosen."""
-_MEANINGS = {
-    "forfeits": "matches lost by not being there, or by too many missed turns",
-    "late": "turns without an answer in time",
-    "unreadable": "answers that were not one legal action per unit",
-    "stale": "messages for another tick, or a second answer",
-    "garbled": "messages that were none",
-    "forged": "messages that somebody else sent in its name",
-    "vanished": "lost connections",
-    "raised": "turns on which its own code failed",
-}
 
 
 def to_html(report: Report, page: Path, journals: Path) -> str:
@@ -48,8 +38,7 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
     """
     standings = report.standings
     folder = _url(os.path.relpath(journals, page.parent)) + "/"
-    kinds = ["forfeits", *fault_kinds(standings.rows)]
-    failures = [kind for kind in kinds if any(_failures(row)[kind] for row in standings.rows)]
+    failures, absent = failure_columns(standings.rows)
     fixtures = _fixtures(report.outcomes)
     is_listed = standings.n_matches <= MOST_LISTED
     found = {} if is_listed else {pair: _letters(report.league, pair, fixtures[pair]) for pair in fixtures}
@@ -59,24 +48,22 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
         league=report.league,
         standings=standings,
         rows=standings.rows,
+        strength=STRENGTH,
         failures=failures,
-        absent=[kind for kind in kinds if kind not in failures],
-        meanings=defaultdict(str, _MEANINGS),
-        counts=lambda row: [_failures(row)[kind] for kind in failures],
+        absent=[column.name for column in absent],
+        latency=latency_columns(standings.rows),
         plot=rating_plot(standings.rows),
         side=side_plot(standings.side),
         sides=(("blue", standings.side.blue_wins), ("drawn", standings.side.draws), ("red", standings.side.red_wins)),
         heat=heat_map(standings),
         chances=chance_map(standings) if standings.n_matches and standings.superiority else {},
-        residuals=standings.residuals[:MOST_TOLD],
+        residuals=standings.residuals[:MOST_SHOWN],
         verdict=verdict_lines(report),
         warnings=warnings(report),
         fixtures=[_list(report, pair, fixtures[pair], folder) for pair in fixtures] if is_listed else [],
         numbers={pair: number for number, pair in enumerate(fixtures)} if is_listed else {},
         letters={pair: text for pair, text in found.items() if text is not None},
         folder=folder,
-        rank_range=rank_range,
-        has_latency=any(row.latency for row in standings.rows),
         latency_note=LATENCY_NOTE,
     )
 
@@ -95,10 +82,6 @@ def _template() -> Template:
     return room.from_string(page)
 
 
-def _failures(row: Standing) -> Counter[str]:
-    return Counter({"forfeits": row.forfeits, **row.faults})
-
-
 def _fixtures(outcomes: Iterable[Outcome]) -> Mapping[tuple[str, str], Sequence[Outcome]]:
     """Return the matches of every two entries, sorted."""
     fixtures: defaultdict[tuple[str, str], list[Outcome]] = defaultdict(list)
@@ -112,9 +95,13 @@ def _list(report: Report, pair: tuple[str, str], outcomes: Sequence[Outcome], fo
     """Return a fixture with its matches, and where their journals lie."""
     return {
         "pair": pair,
-        "says": " v ".join(pair) + ": " + say_record(report.standings.cross[pair]),
+        "says": " v ".join(pair) + ": " + format_record(report.standings.cross[pair]),
         "matches": [
-            {"outcome": outcome, "says": _describe(outcome), "url": folder + _url(journal_name(outcome.identity))}
+            {
+                "outcome": outcome,
+                "says": f"{outcome.headline}, {outcome.result.ticks} ticks",
+                "url": folder + _url(journal_name(outcome.identity)),
+            }
             for outcome in outcomes
         ],
     }
@@ -139,10 +126,6 @@ def _letters(league: StoredLeague, pair: tuple[str, str], outcomes: Sequence[Out
 
 def _letter(outcome: Outcome, entry: str) -> str:
     return "d" if outcome.winner is None else "w" if outcome.winner == entry else "l"
-
-
-def _describe(outcome: Outcome) -> str:
-    return f"{outcome.result.headline(outcome.blue, outcome.red)}, {outcome.result.ticks} ticks"
 
 
 def _url(path: str) -> str:

@@ -14,7 +14,8 @@ from tournaments.outcome import Outcome
 from tournaments.ratings.methods import DEFAULT, find_method
 from tournaments.ratings.rate import N_DRAWS
 from tournaments.ratings.sprt import PAIR_SCORES
-from tournaments.ratings.standings import Standing, Standings, stand
+from tournaments.ratings.standings import Standings, stand
+from tournaments.reports.leaderboard import rounded, row_to_dict
 from tournaments.running.duel import Duel, judge
 from tournaments.store.store import StoredLeague
 
@@ -22,13 +23,13 @@ FORMAT = 1
 """Of the JSON document; rises whenever a key changes its meaning."""
 LATENCY_NOTE = "p50 is the median over matches, p99 that of the worst; of a match, since its referee was last started"
 """What the columns of answer times are of."""
-MOST_TOLD = 5
-"""Residuals, and cycles, that a reader is told of; the document holds all."""
+MOST_SHOWN = 5
+"""Residuals, and cycles, that are shown; the document holds all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """Everything that a report tells."""
+    """A league's standings, and what they were made from."""
 
     league: StoredLeague
     standings: Standings
@@ -136,75 +137,6 @@ def to_document(report: Report) -> dict[str, Any]:
     }
 
 
-def row_to_dict(row: Standing) -> dict[str, Any]:
-    """Return a row of the leaderboard as what JSON can hold."""
-    rating, record = row.rating, row.record
-    return {
-        "rank": rating.rank,
-        "rank_low": rating.rank_low,
-        "rank_high": rating.rank_high,
-        "entry": row.name,
-        "elo": rounded(rating.elo, 1),
-        "elo_low": rounded(rating.elo_low, 1),
-        "elo_high": rounded(rating.elo_high, 1),
-        "matches": record.n_matches,
-        "wins": record.wins,
-        "draws": record.draws,
-        "losses": record.losses,
-        "points": record.wins + record.draws / 2,
-        "score": rounded(record.score, 4),
-        "forfeits": row.forfeits,
-        "faults": dict(row.faults),
-    }
-
-
-def rounded(value: Any, digits: int) -> Any:
-    """Return a number with so many digits behind its point, and what is none as it is."""
-    return round(value, digits) + 0.0 if isinstance(value, float) else value  # + 0.0: there is no -0.0
-
-
-def leaderboard(report: Report) -> tuple[Sequence[str], list[Sequence[object]]]:
-    """Return the columns and rows of the leaderboard; a kind of failure that nobody had takes no room."""
-    rows = report.standings.rows
-    kinds = [kind for kind in fault_kinds(rows) if any(row.faults.get(kind) for row in rows)]
-    forfeits = ["forfeits"] if any(row.forfeits for row in rows) else []
-    latency = ["p50 ms", "p99 ms"] if any(row.latency for row in rows) else []
-    columns = ("rank", "entry", "Elo", "95% interval", "score", "wins", "draws", "losses", *forfeits, *kinds, *latency)
-    return columns, [
-        (
-            rank_range(row),
-            row.name,
-            f"{row.rating.elo:+.0f}",
-            f"{row.rating.elo_low:+.0f} to {row.rating.elo_high:+.0f}",
-            "-" if row.record.score is None else f"{row.record.score:.3f}",
-            row.record.wins,
-            row.record.draws,
-            row.record.losses,
-            *([row.forfeits] if forfeits else []),
-            *(row.faults.get(kind, 0) for kind in kinds),
-            *(_milliseconds(row) if latency else []),
-        )
-        for row in rows
-    ]
-
-
-def fault_kinds(rows: Iterable[Standing]) -> list[str]:
-    """Return every kind of failure that is counted, in the order of a report's columns."""
-    return list(dict.fromkeys(kind for row in rows for kind in row.faults))
-
-
-def rank_range(row: Standing) -> str:
-    """Return a rank as what is known of it, as in `2 to 4`."""
-    low, high = row.rating.rank_low, row.rating.rank_high
-    return f"{low}" if low == high else f"{low} to {high}"
-
-
-def _milliseconds(row: Standing) -> tuple[str, str]:
-    if row.latency is None:
-        return "-", "-"
-    return f"{1_000 * row.latency.p50_s:.1f}", f"{1_000 * row.latency.p99_s:.1f}"
-
-
 def warnings(report: Report) -> list[str]:
     """Return what a reader should beware of, a sentence each."""
     standings = report.standings
@@ -222,8 +154,8 @@ def warnings(report: Report) -> list[str]:
 
 def _first(sentences: Sequence[str], what: str) -> list[str]:
     """Return the first of many sentences, and how many there are more."""
-    n_more = len(sentences) - MOST_TOLD
-    return [*sentences[:MOST_TOLD], *([f"{n_more} more {what} are in the JSON document"] if n_more > 0 else [])]
+    n_more = len(sentences) - MOST_SHOWN
+    return [*sentences[:MOST_SHOWN], *([f"{n_more} more {what} are in the JSON document"] if n_more > 0 else [])]
 
 
 def verdict_lines(report: Report) -> list[str]:

@@ -9,6 +9,7 @@ from typing import Any
 from arena.errors import ArenaError, InputError, JournalError
 from arena.records.journal import journal_name
 from arena.records.plan import LeagueMatchId
+from tournaments.reports.leaderboard import as_web_table
 from tournaments.reports.report import make_report, to_document
 from tournaments.running.scheduler import Folders
 from tournaments.store.store import Store
@@ -36,27 +37,30 @@ class Leagues:
             return []
 
     def report(self, name: str) -> dict[str, Any]:
-        """Return the facts of a league's report, and under `results` its matches, pair by pair."""
+        """Return the document of a league's report, with its `leaderboard`, and under `results` its matches, pair by pair."""
         with self._open() as store:
             league = store.get(name)
             state = league.hash, league.n_pairs, store.count(league)
-            before, facts = self._reports.get(name, (("", 0, 0), {}))
+            before, document = self._reports.get(name, (("", 0, 0), {}))
             if before == state:
-                return facts
+                return document
             outcomes = store.outcomes(league)
         report = make_report(league, outcomes, n_draws=_N_DRAWS)
-        facts = to_document(make_report(league, outcomes) if report.is_complete else report)
-        facts["results"] = [
+        if report.is_complete:
+            report = make_report(league, outcomes)
+        document = {**to_document(report), "leaderboard": as_web_table(report.standings.rows)}
+        document["results"] = [
             {
                 "identity": one.identity,
                 "blue": one.blue,
                 "red": one.red,
-                **one.result.to_dict(),
+                "headline": one.headline,
+                "ticks": one.result.ticks,
             }
             for one in outcomes
         ]
-        self._reports[name] = (*state[:2], len(outcomes)), facts
-        return facts
+        self._reports[name] = (*state[:2], len(outcomes)), document
+        return document
 
     def journal(self, name: str, identity: str) -> bytes:
         """Return the journal of a match, once all matches of its two entries are over: another may be on its map.

@@ -1,10 +1,10 @@
 """The lock that keeps two schedulers off one league; a file's, which dies with the process that holds it."""
 
-import fcntl
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from arena.errors import ArenaError, InputError
 
@@ -19,23 +19,22 @@ class TakenError(ArenaError):
 
 @contextmanager
 def lock_file(path: Path, league: str) -> Iterator[None]:
-    """Hold a file of a league; it is made if need be, and stays.
+    """Hold a file of a league; it is made if need be.
 
     Raises
     ------
     TakenError
         Another scheduler holds it.
     """
+    lock = FileLock(path, timeout=0, mode=0o600)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+        lock.acquire()
+    except Timeout as error:
+        raise TakenError(league, str(path)) from error
     except OSError as error:
         raise InputError(f"cannot lock the league with {path}: {error.strerror}") from error
     try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise TakenError(league, str(path)) from error
         yield
     finally:
-        os.close(descriptor)
+        lock.release()

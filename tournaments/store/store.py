@@ -63,7 +63,7 @@ class Store:
         self._patience_s = patience_s
         self._sessions: dict[str, _LockedSession] = {}
         try:
-            with self._saying("open"):
+            with self._explaining("open"):
                 upgrade(self._engine, self._where, make=make)
         except BaseException:
             self._engine.dispose()
@@ -76,8 +76,8 @@ class Store:
         self._engine.dispose()
 
     @contextmanager
-    def _saying(self, what: str) -> Iterator[None]:
-        """Turn what the database says into one sentence."""
+    def _explaining(self, what: str) -> Iterator[None]:
+        """Raise what the database raised as one sentence."""
         try:
             yield
         except DatabaseError as error:
@@ -125,7 +125,7 @@ class Store:
                 yield
             return
         session = _LockedSession(self._engine, self._where, league)
-        with self._saying("lock a league in"), session.use():
+        with self._explaining("lock a league in"), session.use():
             pass
         self._sessions[league] = session
         try:
@@ -226,7 +226,7 @@ class Store:
         return self._do("write to", work, league.name)
 
     def outcomes(self, league: StoredLeague) -> list[Outcome]:
-        """Return a league's results, sorted by identity: in whatever order they came, they are told alike."""
+        """Return a league's results, sorted by identity: in whatever order they came, they are returned alike."""
         query = select(MATCHES).where(MATCHES.c.league_id == league.id)
         rows = self._do("read", lambda connection: connection.execute(query).all())
         return sorted((_outcome(row) for row in rows), key=lambda outcome: outcome.identity)  # databases sort by their locale

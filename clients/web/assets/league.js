@@ -1,21 +1,10 @@
 // The leaderboard: the report of the store, live. Ratings with their intervals, the cross table, and every replay.
 import { TEAMS } from "./board.js";
-import { ask, fill, h, route, say, signed, words } from "./dom.js";
+import { ask, fill, h, route, say, signed } from "./dom.js";
 
 const EVERY_MS = 5000;
 const WIDEST_PLOT = 760;
 const SVG = "http://www.w3.org/2000/svg";
-const COLUMNS = [
-  ["Rank", (row) => row.rank, (row) => (row.rank_low === row.rank_high ? `${row.rank_low}` : `${row.rank_low} to ${row.rank_high}`)],
-  ["Entry", (row) => row.entry, (row) => row.entry],
-  ["Elo", (row) => row.elo, (row) => signed(Math.round(row.elo))],
-  ["95% interval", (row) => row.elo_low, (row) => `${signed(Math.round(row.elo_low))} to ${signed(Math.round(row.elo_high))}`],
-  ["Score", (row) => row.score, (row) => (row.score === null ? "\u2013" : row.score.toFixed(3))],
-  ["Wins", (row) => row.wins, (row) => `${row.wins}`],
-  ["Draws", (row) => row.draws, (row) => `${row.draws}`],
-  ["Losses", (row) => row.losses, (row) => `${row.losses}`],
-  ["Forfeits", (row) => row.forfeits, (row) => `${row.forfeits}`],
-];
 
 /** About `n` round numbers between two. */
 function roundNumbers(low, high, n) {
@@ -42,7 +31,7 @@ class LeaguePage {
     this.body = h("div", { hidden: true }, h("h2", {}, "Ratings"), this.table, this.plot,
       h("h2", {}, "Cross table"), h("p", { class: "hint" }, "What the row scored against the column, from 0 to 1. Choose a cell for its replays."), this.cross, this.fixture);
     main.append(h("h1", {}, "Leaderboard"), h("div", { class: "controls" }, h("label", { for: "league" }, "League"), this.choice), this.state, this.body);
-    this.order = { column: 0, isDown: false };
+    this.order = { name: "rank", isDown: false };
     this.chosen = null;
   }
 
@@ -83,28 +72,33 @@ class LeaguePage {
     const { played, planned, complete } = report.matches;
     const verdict = report.sprt ? ` ${report.sprt.says}.` : "";
     this.tell(`${report.league.name}: ${played} of ${verdict ? "at most " : ""}${planned} matches are played${complete ? "" : "; this page follows"}.${verdict} Rules ${report.league.ruleset}.`);
-    fill(this.table, this.standings());
+    fill(this.table, this.leaderboard());
     this.drawPlot();
     fill(this.cross, this.crossTable());
     this.showFixture();
   }
 
-  standings() {
-    const { column, isDown } = this.order;
-    const key = COLUMNS[column][1];
-    const compare = (one, other) => (typeof key(one) === "string" ? key(one).localeCompare(key(other)) : (key(one) ?? -1) - (key(other) ?? -1));
-    const rows = this.report.standings.toSorted((one, other) => (isDown ? -1 : 1) * compare(one, other));
-    const heads = COLUMNS.map(([name], index) => h("th", { scope: "col", "aria-sort": index === column ? (isDown ? "descending" : "ascending") : "none" },
-      h("button", { type: "button", onclick: () => this.sort(index) }, `${name}${index === column ? (isDown ? " \u25be" : " \u25b4") : ""}`)));
-    return h("table", { "aria-label": "Ratings" }, h("thead", {}, h("tr", {}, heads)), h("tbody", {}, rows.map((row) => h("tr", {},
-      COLUMNS.map(([name, , text]) => (name === "Entry" ? h("th", { scope: "row" }, text(row)) : h("td", { class: "number" }, text(row))))))));
+  /** The report's leaderboard, sorted by the column that was chosen; what is not known stays below. */
+  leaderboard() {
+    const { columns, rows } = this.report.leaderboard;
+    const { isDown } = this.order;
+    const column = Math.max(0, columns.findIndex((one) => one.name === this.order.name));
+    const value = (row) => row[column].key ?? `${row[column].text}`;
+    const known = rows.filter((row) => value(row) !== "");
+    const isNumeric = known.every((row) => !Number.isNaN(Number(value(row))));
+    const compare = (one, other) => (isNumeric ? value(one) - value(other) : value(one).localeCompare(value(other)));
+    const sorted = [...known.toSorted((one, other) => (isDown ? -1 : 1) * compare(one, other)), ...rows.filter((row) => value(row) === "")];
+    const heads = columns.map(({ name, meaning, is_low_first }, index) => h("th", { scope: "col", title: meaning || null, "aria-sort": index === column ? (isDown ? "descending" : "ascending") : "none" },
+      h("button", { type: "button", onclick: () => this.sort(name, is_low_first) }, `${name}${index === column ? (isDown ? " \u25be" : " \u25b4") : ""}`)));
+    return h("table", { "aria-label": "Ratings" }, h("thead", {}, h("tr", {}, heads)), h("tbody", {}, sorted.map((row) => h("tr", {},
+      row.map(({ text }, index) => (columns[index].name === "entry" ? h("th", { scope: "row" }, text) : h("td", { class: "number" }, `${text}`)))))));
   }
 
-  sort(column) {
-    this.order = { column, isDown: this.order.column === column ? !this.order.isDown : column > 1 };
+  sort(name, isLowFirst) {
+    this.order = { name, isDown: this.order.name === name ? !this.order.isDown : !isLowFirst };
     const isFocused = this.table.contains(document.activeElement);
-    this.table.replaceChildren(this.standings());
-    if (isFocused) this.table.querySelectorAll("thead button")[column].focus();
+    this.table.replaceChildren(this.leaderboard());
+    if (isFocused) [...this.table.querySelectorAll("thead button")].find((button) => button.textContent.startsWith(name)).focus();
   }
 
   drawPlot() {
@@ -168,7 +162,7 @@ class LeaguePage {
     const matches = this.report.results.filter((one) => this.chosen.includes(one.blue) && this.chosen.includes(one.red));
     fill(this.fixture, h("h2", {}, `${name} against ${other}`), h("ol", { class: "results" }, matches.map((one, index) => h("li", {},
       h("span", { class: TEAMS[0] }, one.blue), " against ", h("span", { class: TEAMS[1] }, one.red),
-      `: ${one.winner === null ? "a draw" : `${one[one.winner]} wins`} by ${words(one.ending)} after ${one.ticks} ticks `,
+      `: ${one.headline} after ${one.ticks} ticks `,
       h("a", { href: `/match/replay?${new URLSearchParams({ league: this.report.league.name, identity: one.identity })}`, "aria-label": `Replay of match ${index + 1}, ${one.blue} against ${one.red}` }, "Replay")))));
   }
 

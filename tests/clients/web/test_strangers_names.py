@@ -53,13 +53,16 @@ class EvilLeagues:
 
     def report(self, name: str) -> dict[str, Any]:
         numbers = {"rank": 1, "rank_low": 1, "rank_high": 1, "elo": 0.0, "elo_low": -1.0, "elo_high": 1.0, "score": 0.5}
-        counts = {"wins": 1, "draws": 0, "losses": 1, "forfeits": 0}
         return {
             "league": {"name": name, "ruleset": EVIL},
             "matches": {"played": 1, "planned": 1, "complete": True},
-            "standings": [{"entry": EVIL} | numbers | counts],
+            "standings": [{"entry": EVIL} | numbers],
+            "leaderboard": {
+                "columns": [{"name": EVIL, "meaning": EVIL, "is_low_first": True}],
+                "rows": [[{"text": EVIL, "key": None}]],
+            },
             "cross": {EVIL: {EVIL: {"wins": 1, "draws": 0, "losses": 1, "score": 0.5}}},
-            "results": [{"identity": EVIL, "blue": EVIL, "red": EVIL, "winner": None, "ending": EVIL, "ticks": 1}],
+            "results": [{"identity": EVIL, "blue": EVIL, "red": EVIL, "headline": EVIL, "ticks": 1}],
         }
 
     def journal(self, name: str, identity: str) -> bytes:

@@ -14,7 +14,7 @@ from arena.policy import MatchResult
 from arena.protocol.identity import to_text
 from tournaments.ladder.ladder import RatedLadder, open_ladder
 from tournaments.ladder.ladder_store import LadderStore, TakenLadderError
-from tournaments.ladder.skill import Player, rate
+from tournaments.ladder.skill import LadderEntry, rate
 from tournaments.reports.ladder_table import render_ladder
 from tournaments.store.schema import StoreError
 
@@ -68,21 +68,21 @@ def test_the_stored_ratings_are_those_of_the_stored_matches_in_their_order(store
         for one in matches:
             ladder.count(one)
 
-    players = {team: Player(key=to_text(KEYS[name]), name=name) for team, name in ((Team.BLUE, "ann"), (Team.RED, "bob"))}
+    players = {team: LadderEntry(key=to_text(KEYS[name]), name=name) for team, name in ((Team.BLUE, "ann"), (Team.RED, "bob"))}
     for one in matches:
         players = rate(players, one.result)
     with LadderStore(store_url, make=False) as store:
-        assert sorted(store.players("pit"), key=lambda player: player.name) == list(players.values())
+        assert sorted(store.entries("pit"), key=lambda player: player.name) == list(players.values())
 
 
 def test_a_match_is_counted_once_whoever_brings_it(store_url: str) -> None:
-    winner = {Team.BLUE: Player(key="a", name="ann", mu=30.0), Team.RED: Player(key="b", name="bob", mu=20.0)}
-    other = {team: Player(key=player.key, name=player.name, mu=1.0) for team, player in winner.items()}
+    winner = {Team.BLUE: LadderEntry(key="a", name="ann", mu=30.0), Team.RED: LadderEntry(key="b", name="bob", mu=20.0)}
+    other = {team: LadderEntry(key=player.key, name=player.name, mu=1.0) for team, player in winner.items()}
     with LadderStore(store_url) as store:
         assert store.count_match("pit", match(1), winner)
         assert not store.count_match("pit", match(1, Team.RED), other)
 
-        assert {player.name: player.mu for player in store.players("pit")} == {"ann": 30.0, "bob": 20.0}
+        assert {player.name: player.mu for player in store.entries("pit")} == {"ann": 30.0, "bob": 20.0}
         assert store.counted("pit") == {match(1).identity}
 
 
@@ -97,7 +97,7 @@ def test_a_void_match_is_kept_and_moves_nothing(ladder: RatedLadder, tmp_path: P
     assert ladder.standings() == before
     assert len(ladder.identities()) == 3
     with LadderStore(str(tmp_path / "arena.db"), make=False) as store:
-        assert {player.name for player in store.players("pit")} == {"ann", "bob"}
+        assert {player.name for player in store.entries("pit")} == {"ann", "bob"}
 
 
 def test_an_entry_is_its_key_and_shown_under_its_last_name(ladder: RatedLadder) -> None:

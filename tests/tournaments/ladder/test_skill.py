@@ -4,17 +4,17 @@ import pytest
 
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult
-from tournaments.ladder.skill import START_MU, Player, rank, rate
+from tournaments.ladder.skill import START_MU, LadderEntry, rank, rate
 
 
 def result(winner: Team | None, ending: Termination = Termination.CAPTURE) -> MatchResult:
     return MatchResult(ending=ending, winner=winner, score=0, ticks=9, reason="")
 
 
-def players(mu: float = START_MU, sigma: float = 3.0) -> dict[Team, Player]:
+def players(mu: float = START_MU, sigma: float = 3.0) -> dict[Team, LadderEntry]:
     return {
-        Team.BLUE: Player(key="a", name="ann", mu=mu, sigma=sigma),
-        Team.RED: Player(key="b", name="bob", mu=START_MU, sigma=sigma),
+        Team.BLUE: LadderEntry(key="a", name="ann", mu=mu, sigma=sigma),
+        Team.RED: LadderEntry(key="b", name="bob", mu=START_MU, sigma=sigma),
     }
 
 
@@ -59,6 +59,6 @@ def test_the_side_does_not_move_ratings() -> None:
 
 
 def test_who_has_played_little_stands_below_one_of_the_same_estimate() -> None:
-    new, known = Player(key="a", name="ann", mu=30.0, sigma=8.0), Player(key="b", name="bob", mu=30.0, sigma=1.0)
+    new, known = LadderEntry(key="a", name="ann", mu=30.0, sigma=8.0), LadderEntry(key="b", name="bob", mu=30.0, sigma=1.0)
 
     assert [row["name"] for row in rank([new, known])] == ["bob", "ann"]

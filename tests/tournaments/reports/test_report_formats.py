@@ -5,7 +5,7 @@ import random
 import subprocess
 from collections.abc import Callable
 from dataclasses import replace
-from html import unescape
+from html import escape, unescape
 from io import StringIO
 from itertools import combinations
 from pathlib import Path
@@ -17,8 +17,9 @@ from arena.game.types import Team, Termination
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.reports.charts import N_SHADES, heat_map, rating_plot, side_plot
 from tournaments.reports.formats import to_csv, to_markdown, to_text
+from tournaments.reports.leaderboard import as_table, as_web_table, columns
 from tournaments.reports.page import to_html
-from tournaments.reports.report import MOST_TOLD, Report, leaderboard, make_report, summary, to_document
+from tournaments.reports.report import MOST_SHOWN, Report, make_report, summary, to_document
 from tournaments.store.store import StoredLeague
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
@@ -61,14 +62,30 @@ def test_markdown_tells_what_the_text_tells_and_names_stay_text() -> None:
     told = to_markdown(report(findings=("two | three <b>",)))
 
     assert told.startswith("# friday\\_night\n\n| rank |")
-    columns, rows = leaderboard(report())
+    heads, rows = as_table(report().standings.rows)
     lines = [line for line in told.partition("## ")[0].splitlines() if line.startswith("|")]
     assert len(lines) == len(rows) + 2
-    assert all(line.replace("\\|", "").count("|") == len(columns) + 1 for line in lines)
+    assert all(line.replace("\\|", "").count("|") == len(heads) + 1 for line in lines)
     assert "\\_odd\\_" in told
     assert "two \\| three \\<b\\>" in told
     facts = [line for line in told.replace("\\", "").splitlines() if line.startswith("- ")]
     assert facts == [f"- {line}" for line in summary(report(findings=("two | three <b>",)))]
+
+
+def test_every_form_for_people_has_the_same_heads_and_cells(tmp_path: Path) -> None:
+    told = report()
+    heads, rows = as_table(told.standings.rows)
+    web = as_web_table(told.standings.rows)
+    page = to_html(told, tmp_path / "a.html", tmp_path)
+
+    assert [column["name"] for column in web["columns"]] == heads == [column.name for column in columns(told.standings.rows)]
+    assert [[cell["text"] for cell in row] for row in web["rows"]] == rows
+    assert to_text(told).split("\n")[1].split() == " ".join(heads).split()
+    assert f"| {' | '.join(heads)} |" in to_markdown(told)
+    for head in heads:
+        assert f"<button>{head}</button></th>" in page
+    for row in rows:
+        assert all(f">{escape(str(cell))}</t" in page for cell in row)
 
 
 @pytest.mark.parametrize(
@@ -188,10 +205,10 @@ def test_who_is_likely_the_stronger_is_told_in_every_format(tmp_path: Path) -> N
 
 def test_many_warnings_are_cut_short_and_the_rest_is_counted() -> None:
     told = league_of("abcd", 60, in_a_circle)
-    many = replace(told, standings=replace(told.standings, cycles=told.standings.cycles * (MOST_TOLD + 2)))
+    many = replace(told, standings=replace(told.standings, cycles=told.standings.cycles * (MOST_SHOWN + 2)))
 
     assert "2 more circles are in the JSON document" in to_text(many)
-    assert to_text(many).count("no rating shows that") == MOST_TOLD
+    assert to_text(many).count("no rating shows that") == MOST_SHOWN
 
 
 def test_where_maps_are_fresh_the_intervals_are_over_matches() -> None:

@@ -79,7 +79,7 @@ def test_a_raised_number_of_pairs_is_seen_though_no_match_was_played_since(data:
     assert leagues.report("friday")["matches"]["complete"]
 
     with Store(str(data / "arena.db")) as store:
-        store.enter("friday", store.get("friday").facts, 9)
+        store.enter("friday", store.get("friday").definition, 9)
 
     assert leagues.report("friday")["matches"] | {"complete": False, "planned": 18} == leagues.report("friday")["matches"]
 
