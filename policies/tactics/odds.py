@@ -4,7 +4,6 @@ The rules are those of `arena.game.rules`; `docs/rules.md` says them in words. F
 stands against it.
 """
 
-
 import numpy as np
 from numpy.typing import NDArray
 

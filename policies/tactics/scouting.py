@@ -1,6 +1,5 @@
 """Units that fly: they look for the enemy's flag where it is likeliest; then one watches it, the other our own, or the decoy."""
 
-
 import numpy as np
 from numpy.typing import NDArray
 
