@@ -171,5 +171,6 @@ def _toml(facts: Mapping[str, Any]) -> str:
     """Return a file that `arena.game.ruleset.load` reads back to the same rules."""
     import tomli_w
 
-    head = f"# {facts['name']}{': ' if facts['about'] else ''}{facts['about']}\n# hash {facts['hash']}\n# each key is explained in docs/rules.md\n\n"
+    title = ": ".join(filter(None, (facts["name"], facts["about"])))
+    head = f"# {title}\n# hash {facts['hash']}\n# each key is explained in docs/rules.md\n\n"
     return head + tomli_w.dumps(facts["rules"], multiline_strings=True)

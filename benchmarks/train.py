@@ -27,7 +27,7 @@ from policies.training.parallel import Processes
 from policies.training.reinforce import Reinforcer
 from policies.training.reinforce_settings import ReinforceSettings
 from policies.training.replay import Samples
-from policies.training.trajectories import Stage
+from policies.training.trajectories import RoundPlayer
 
 BATCH, MATCHES, MULTIPLIED = 2_000, 64, 2_048
 _PASSES = 3
@@ -115,7 +115,7 @@ def learner_of(is_bf16: bool, batch: int) -> Reinforcer:
 def trainer(is_bf16: bool, size: int) -> Callable[[], int]:
     """Return work that trains on a batch of the replay, and returns its samples."""
     learner, rng = learner_of(is_bf16, size), np.random.default_rng(0)
-    learner.replay.add(_stage(learner, 4).play(_playing(learner), 0)[0])
+    learner.replay.add(_stage(learner, 4).play_round(_playing(learner), 0)[0])
     batch: Samples = learner.replay.draw(size, rng)
 
     def work() -> int:
@@ -130,10 +130,10 @@ def loop(is_bf16: bool, n_matches: int, size: int) -> tuple[float, float]:
     """Play a round and train on as many samples as it gave; return the network's share of the time, and samples per second."""
     learner, rng = learner_of(is_bf16, size), np.random.default_rng(0)
     stage = _stage(learner, n_matches)
-    stage.play(_playing(learner), 0)  # compiles and warms up
+    stage.play_round(_playing(learner), 0)  # compiles and warms up
     begin = time.perf_counter()
     clock = Clock(_playing(learner))
-    samples, _ = stage.play(clock, 1)
+    samples, _ = stage.play_round(clock, 1)
     learner.replay.add(samples)
     n_batches = max(len(samples.unit) // size, 1)
     computing_s = clock.seconds
@@ -152,6 +152,6 @@ def _playing(learner: Reinforcer) -> PaperTeam:
     return network
 
 
-def _stage(learner: Reinforcer, n_matches: int) -> Stage:
+def _stage(learner: Reinforcer, n_matches: int) -> RoundPlayer:
     """Return rows of the first experiment: nobody but the learner thinks in it."""
-    return Stage(BatchedEnv(load_rules("exp1"), n_matches, seed=1), None, learner.settings)
+    return RoundPlayer(BatchedEnv(load_rules("exp1"), n_matches, seed=1), None, learner.settings)

@@ -37,12 +37,12 @@ class EachSeat(BatchPolicy):
         self._is_over = np.zeros(n_seats, np.bool_)
 
     def start(self, seats: NDArray[np.intp]) -> None:
-        """Make a fresh bot for each of `seats`, and tell it where it plays."""
+        """Make a fresh bot for each of `seats`, and start its match."""
         for seat in np.arange(self.n_seats)[seats].tolist():
             self._is_started[seat], self._is_over[seat] = True, False
             self._faults[seat] = Faults()
-            self._bots[seat] = self._ask(seat, self._make)
-            self._tell(seat, "start", MatchInfo(ruleset=self.ruleset, team=self.team))
+            self._bots[seat] = self._call(seat, self._make)
+            self._notify(seat, "start", MatchInfo(ruleset=self.ruleset, team=self.team))
 
     def act(self, observations: Observations, orders: Orders) -> None:
         """Ask each bot; a seat without a readable answer gets UNREADABLE, and one whose match has ended is not asked."""
@@ -51,12 +51,12 @@ class EachSeat(BatchPolicy):
             if self._is_over[seat]:
                 orders[seat] = Action.STAY
                 continue
-            actions = self._ask(seat, self._actions, seat, observations.seat(seat, self.ruleset), orders.shape[1])
+            actions = self._call(seat, self._actions, seat, observations.seat(seat, self.ruleset), orders.shape[1])
             orders[seat] = UNREADABLE if actions is None else actions
 
     def end(self, seat: int, result: MatchResult) -> None:
-        """Tell the bot of `seat`, and let it go."""
-        self._tell(seat, "end", result)
+        """End the match of the bot of `seat`, and drop the bot."""
+        self._notify(seat, "end", result)
         self._bots[seat] = None
         self._is_started[seat], self._is_over[seat] = False, True
 
@@ -74,14 +74,14 @@ class EachSeat(BatchPolicy):
         self._faults[seat].illegal += actions is None
         return actions
 
-    def _tell(self, seat: int, event: str, message: MatchInfo | MatchResult) -> None:
+    def _notify(self, seat: int, event: str, message: MatchInfo | MatchResult) -> None:
         if hasattr(self._bots[seat], event):
-            self._ask(seat, getattr(self._bots[seat], event), message)
+            self._call(seat, getattr(self._bots[seat], event), message)
 
-    def _ask(self, seat: int, question: Callable[..., Any], *arguments: Any) -> Any:
-        """Return the answer to a question, or None with the fault noted."""
+    def _call(self, seat: int, method: Callable[..., Any], *arguments: Any) -> Any:
+        """Return what a method of a bot returns, or None with the fault noted."""
         try:
-            return question(*arguments)
+            return method(*arguments)
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's code may raise anything
             faults = self._faults[seat]
             faults.raised += 1

@@ -30,11 +30,11 @@ from policies.each_seat import MakeBot
 PREFIX = "exec:"
 """Stands before a program's command line where a fighter is named."""
 MOST_LINE_BYTES = 1 << 16
-_GOODBYE_S = 1.0
+_EXIT_WAIT_S = 1.0
 
 
 class ProgramError(Exception):
-    """A program ended, or said what cannot be read; counted against its seat."""
+    """A program ended, or wrote what cannot be read; counted against its seat."""
 
 
 class Program:
@@ -51,27 +51,27 @@ class Program:
             raise ProgramError("the program has no pipes")
         return stdin, stdout
 
-    def tell(self, message: dict[str, Any]) -> None:
+    def send(self, message: dict[str, Any]) -> None:
         """Write a line."""
         try:
             self._pipes[0].write(json.dumps(message, separators=(",", ":")).encode() + b"\n")
             self._pipes[0].flush()
         except (OSError, ValueError) as error:
-            raise ProgramError(self._how_it_ended()) from error
+            raise ProgramError(self._exit_message()) from error
 
-    def hear(self) -> Any:
-        """Return what the next line says."""
+    def receive(self) -> Any:
+        """Return the next line, read as JSON."""
         line = self._pipes[1].readline(MOST_LINE_BYTES)
         if not line.endswith(b"\n"):
-            raise ProgramError(f"a line has more than {MOST_LINE_BYTES} bytes" if line else self._how_it_ended())
+            raise ProgramError(f"a line has more than {MOST_LINE_BYTES} bytes" if line else self._exit_message())
         try:
             return json.loads(line)
         except (ValueError, RecursionError) as error:
             raise ProgramError(f"{line[:80]!r} is not JSON") from error
 
-    def _how_it_ended(self) -> str:
+    def _exit_message(self) -> str:
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_GOODBYE_S)
+            self._process.wait(_EXIT_WAIT_S)
         return f"the program ended with exit code {self._process.returncode}, or closed its stdin or stdout"
 
     def close(self) -> None:
@@ -81,7 +81,7 @@ class Program:
             with suppress(OSError):
                 pipe.close()
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_GOODBYE_S)
+            self._process.wait(_EXIT_WAIT_S)
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
@@ -95,30 +95,30 @@ class ProgramBot:
         self._program: Program | None = idle.pop() if idle else Program(command)
 
     def start(self, info: MatchInfo) -> None:
-        """Tell it where it plays."""
-        self._tell({"type": "start", "team": info.team.name.lower(), "ruleset": to_dict(info.ruleset)})
+        """Send what the match is played under."""
+        self._send({"type": "start", "team": info.team.name.lower(), "ruleset": to_dict(info.ruleset)})
 
     def act(self, observation: Observation) -> Any:
         """Show it what its team sees, and return its answer."""
-        self._tell(to_json(observation))
+        self._send(to_json(observation))
         try:
-            return self._running().hear()
+            return self._running().receive()
         except ProgramError:
-            self._let_go()
+            self._close()
             raise
 
     def end(self, result: MatchResult) -> None:
-        """Tell it how the match ended; it is kept for the next."""
-        self._tell({"type": "end", **result.to_dict()})
+        """Send how the match ended; the program is kept for the next."""
+        self._send({"type": "end", **result.to_dict()})
         if self._program is not None:
             self._idle.append(self._program)
             self._program = None
 
-    def _tell(self, message: dict[str, Any]) -> None:
+    def _send(self, message: dict[str, Any]) -> None:
         try:
-            self._running().tell(message)
+            self._running().send(message)
         except ProgramError:
-            self._let_go()
+            self._close()
             raise
 
     def _running(self) -> Program:
@@ -126,7 +126,7 @@ class ProgramBot:
             raise ProgramError("the program ended earlier in this match")
         return self._program
 
-    def _let_go(self) -> None:
+    def _close(self) -> None:
         if self._program is not None:
             self._program.close()
             self._program = None
@@ -163,13 +163,13 @@ def _idle(command_line: str) -> list[Program]:
 
 def to_json(seen: Observation) -> dict[str, Any]:
     """Return an observation as a program reads it: its fields, and what is computed from them."""
-    facts: dict[str, Any] = {"type": "observation"}
+    values: dict[str, Any] = {"type": "observation"}
     for field in fields(seen):
         value = getattr(seen, field.name)
         if field.name == "ground":
-            facts |= {"ground": value.tolist(), "grid": seen.grid.tolist()}
+            values |= {"ground": value.tolist(), "grid": seen.grid.tolist()}
         elif isinstance(value, tuple):
-            facts[field.name] = [asdict(item) if isinstance(item, OwnUnit | EnemyUnit) else item for item in value]
+            values[field.name] = [asdict(item) if isinstance(item, OwnUnit | EnemyUnit) else item for item in value]
         else:
-            facts[field.name] = value
-    return facts | {"team": seen.team.name.lower(), "legal_actions": seen.legal_actions.tolist()}
+            values[field.name] = value
+    return values | {"team": seen.team.name.lower(), "legal_actions": seen.legal_actions.tolist()}

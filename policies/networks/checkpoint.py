@@ -126,7 +126,7 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def read_manifest(path: Path) -> Manifest:
-    """Return what a checkpoint says of itself.
+    """Return the manifest of a checkpoint.
 
     Raises
     ------
@@ -144,10 +144,10 @@ def read_manifest(path: Path) -> Manifest:
     if text is None:
         raise PolicyError(f"{path} holds tensors, but no manifest of ours; `arena train` writes one")
     try:
-        facts = json.loads(text)
-        version = facts.pop("format")
+        values = json.loads(text)
+        version = values.pop("format")
         if version == FORMAT:
-            manifest = Manifest(**facts)
+            manifest = Manifest(**values)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise PolicyError(f"the manifest of the checkpoint {path} cannot be read") from error
     if version != FORMAT:

@@ -1,6 +1,6 @@
 """What the `team` network sees: the board as planes, in a frame where the enemy's half is always the eastern one.
 
-One call encodes a batch of seats. Nothing but observations goes in; what they told before is in each seat's belief
+One call encodes a batch of seats. Nothing but observations goes in; what earlier ones showed is in each seat's belief
 (`policies.belief.belief`). Planes are uint8 with `ONE` standing for 1.0, so that a rollout takes a quarter of its size in floats;
 they are laid out with the planes last, as the network reads them.
 """

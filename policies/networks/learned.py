@@ -29,7 +29,7 @@ _SMALLEST_BF16 = 16
 """Seats from which on bf16 pays for its conversions."""
 
 
-def hold_threads() -> None:
+def limit_threads() -> None:
     """Keep torch to as many threads as OMP_NUM_THREADS says, or else to one: a fighter shares its machine."""
     given = os.environ.get("OMP_NUM_THREADS", "")
     torch.set_num_threads(int(given) if given.isdigit() and int(given) > 0 else 1)
@@ -178,5 +178,5 @@ def load_learned(path: Path) -> LearnedFactory:
     PolicyError
         The file does not fit.
     """
-    hold_threads()
+    limit_threads()
     return LearnedFactory(load_checkpoint(path))

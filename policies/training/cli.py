@@ -15,7 +15,7 @@ from arena.console import AsJson, complete_ruleset, print_json, print_table
 from arena.errors import InputError
 
 if TYPE_CHECKING:
-    from policies.training.methods import Order
+    from policies.training.methods import RunConfig
     from policies.training.parallel import Processes
 
 METHODS = ("ppo", "reinforce")
@@ -61,7 +61,9 @@ def start_or_go_on(
     if device not in ("cpu", "cuda"):
         raise InputError(f"--device is {device!r}; it must be cpu or cuda")
     if (curriculum and (method != "reinforce" or rules or start)) or (stage and not curriculum):
-        raise InputError("--curriculum is for the method reinforce, says rules and start itself, and alone has a --stage")
+        raise InputError(
+            "--curriculum is for the method reinforce, chooses the rules and the start itself, and only it has a --stage"
+        )
     from arena.extras import needs
     from policies.training.allocator import KEEP
 
@@ -70,31 +72,31 @@ def start_or_go_on(
         os.environ |= KEEP | {name: os.environ[name] for name in KEEP if name in os.environ}
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
     with needs("train", "arena train"):
-        from policies.networks.learned import hold_threads
+        from policies.networks.learned import limit_threads
         from policies.training.budget import Budget
         from policies.training.curriculum import has_ended, stages_of, start_of
         from policies.training.folder import LAST, SETTINGS, RunFolder
-        from policies.training.methods import make_order, read_order
+        from policies.training.methods import make_config, read_config
         from policies.training.parallel import join_processes, leave_processes
 
     budget = Budget(samples=samples, episodes=episodes, minutes=minutes)
     folders = {name: out / name for name in stages_of(curriculum, stage)} if curriculum else {"": out}
     if resume:
-        order = read_order(RunFolder(next(iter(folders.values()))).read_settings()).with_budget(budget)
+        config = read_config(RunFolder(next(iter(folders.values()))).read_settings()).with_budget(budget)
     else:
-        order = make_order(method, start, budget, rules=rules, seed=seed, assignments=settings or ())
-    hold_threads()
+        config = make_config(method, start, budget, rules=rules, seed=seed, assignments=settings or ())
+    limit_threads()
     processes = join_processes(device)
     for name, folder in folders.items():
         if curriculum and resume and has_ended(folder):
             continue
         if resume and (folder / SETTINGS).exists():
-            order = read_order(RunFolder(folder).read_settings()).with_budget(budget)
+            config = read_config(RunFolder(folder).read_settings()).with_budget(budget)
         else:
             RunFolder(folder).refuse_if_taken()
             processes.share_first(None)  # none makes the folder before all have looked
-            order = order.for_stage(name, start_of(curriculum, name, out)) if curriculum else order
-        if not _train(order, folder, processes, device):
+            config = config.for_stage(name, start_of(curriculum, name, out)) if curriculum else config
+        if not _train(config, folder, processes, device):
             break
     else:
         if processes.is_first and curriculum:
@@ -102,7 +104,7 @@ def start_or_go_on(
     leave_processes()
 
 
-def _train(order: "Order", out: Path, processes: "Processes", device: str) -> bool:
+def _train(config: "RunConfig", out: Path, processes: "Processes", device: str) -> bool:
     """Train one run; return whether its budget is used up."""
     from policies.training.folder import LAST, SETTINGS, RunFolder
     from policies.training.methods import make_run
@@ -111,10 +113,10 @@ def _train(order: "Order", out: Path, processes: "Processes", device: str) -> bo
     stops: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda caught, _: stops.append(caught))
-    with _telling(str(out), processes.is_first) as tell:
-        run = make_run(order, folder, processes, tell, device)
+    with _reporting(str(out), processes.is_first) as report:
+        run = make_run(config, folder, processes, report, device)
         if processes.is_first and not (out / SETTINGS).exists():  # only now: what cannot run leaves nothing behind
-            folder.create(order.to_dict())
+            folder.create(config.to_dict())
         is_done = run.train(lambda: bool(stops))
     if processes.is_first:
         typer.echo(f"trained: {out / LAST}")
@@ -142,20 +144,20 @@ def figures(
 
 
 @contextmanager
-def _telling(what: str, is_first: bool) -> Iterator[Callable[[float, str], None]]:
+def _reporting(what: str, is_first: bool) -> Iterator[Callable[[float, str], None]]:
     """Show on stderr how a run goes: a bar on a terminal, a plain line now and then elsewhere."""
     if not is_first:
         yield lambda progress, text: None
         return
     if not sys.stderr.isatty():
-        said_s = [time.monotonic()]
+        reported_s = [time.monotonic()]
 
-        def say(progress: float, text: str) -> None:
-            if time.monotonic() - said_s[0] >= _LINE_EVERY_S or progress >= 1:
-                said_s[0] = time.monotonic()
+        def report(progress: float, text: str) -> None:
+            if time.monotonic() - reported_s[0] >= _LINE_EVERY_S or progress >= 1:
+                reported_s[0] = time.monotonic()
                 typer.echo(f"{what}: {100 * progress:.0f}%, {text}", err=True)
 
-        yield say
+        yield report
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn

@@ -19,7 +19,7 @@ from policies.networks.learned import CHUNK, as_bf16, choose, infer
 from policies.networks.models import TeamNetwork
 from policies.registry import load
 from policies.training.ppo import Learner
-from policies.training.rollout import Player, Results
+from policies.training.rollout import LearnerSeats, Results
 
 WATCHING = 0.15
 """Share of the samples in which the script plays all matches."""
@@ -29,28 +29,28 @@ _NO_LABEL = -100
 
 
 class Teacher:
-    """A script that says what it would do in each of a player's seats."""
+    """A script that says what it would do in each of the learner's seats."""
 
-    def __init__(self, name: str, player: Player) -> None:
-        ruleset, self._player = player.env.ruleset, player
-        make, n_red = load(name), len(player.opponents.self_rows)
-        self._blue = make(ruleset, Team.BLUE, player.env.n_games)
+    def __init__(self, name: str, seats: LearnerSeats) -> None:
+        ruleset, self._seats = seats.env.ruleset, seats
+        make, n_red = load(name), len(seats.opponents.self_rows)
+        self._blue = make(ruleset, Team.BLUE, seats.env.n_games)
         self._red = make(ruleset, Team.RED, n_red) if n_red else None
-        self._orders = np.zeros((player.n_seats, player.n_units), np.int8)
+        self._orders = np.zeros((seats.n_seats, seats.n_units), np.int8)
 
     def label(self, seen: dict[Team, Observations]) -> NDArray[np.int8]:
         """Return the script's actions in the frame, shape (s, units)."""
-        n_games = self._player.env.n_games
+        n_games = self._seats.env.n_games
         self._blue.act(seen[Team.BLUE], self._orders[:n_games])
         if self._red is not None:
-            self._red.act(seen[Team.RED].select(self._player.opponents.self_rows), self._orders[n_games:])
-        return self._player.to_frame(np.clip(self._orders, 0, len(Action) - 1))
+            self._red.act(seen[Team.RED].select(self._seats.opponents.self_rows), self._orders[n_games:])
+        return self._seats.to_frame(np.clip(self._orders, 0, len(Action) - 1))
 
     def start(self, has_ended: NDArray[np.bool_]) -> None:
         """Tell the script in which rows a new match begins."""
         self._blue.start(np.flatnonzero(has_ended))
         if self._red is not None:
-            self._red.start(np.flatnonzero(has_ended[self._player.opponents.self_rows]))
+            self._red.start(np.flatnonzero(has_ended[self._seats.opponents.self_rows]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,9 +65,11 @@ class Lesson:
     """int64, shape (t * s, units): an action of the frame, or what cross entropy ignores where there is nothing to learn."""
 
 
-def attend(player: Player, teacher: Teacher, network: TeamNetwork, n_ticks: int, own: float, rng: np.random.Generator) -> Lesson:
+def collect_lesson(
+    seats: LearnerSeats, teacher: Teacher, network: TeamNetwork, n_ticks: int, own: float, rng: np.random.Generator
+) -> Lesson:
     """Play `n_ticks` in every row, a share `own` of the seats by the learner."""
-    n_seats, n_units, side = player.n_seats, player.n_units, player.env.ruleset.side
+    n_seats, n_units, side = seats.n_seats, seats.n_units, seats.env.ruleset.side
     planes = np.zeros((n_ticks, n_seats, side, side, N_PLANES), np.uint8)
     scalars = np.zeros((n_ticks, n_seats, N_SCALARS), np.float32)
     cell = np.zeros((n_ticks, n_seats, n_units), np.int64)
@@ -78,28 +80,28 @@ def attend(player: Player, teacher: Teacher, network: TeamNetwork, n_ticks: int,
     is_own = rng.random((n_seats, 1)) < own
     results = Results()
     for tick in range(n_ticks):
-        seen = player.env.observe()
-        encoded, seeds = player.look(seen)
+        seen = seats.env.observe()
+        encoded, seeds = seats.look(seen)
         planes[tick], scalars[tick], cell[tick], alive[tick], legal[tick] = encoded
         taught = teacher.label(seen)
         if own:
-            choose(infer(network, encoded, player.n_walkers), seeds, actions)
+            choose(infer(network, encoded, seats.n_walkers), seeds, actions)
         # What a script orders against a wall it means as staying.
         is_legal = np.take_along_axis(encoded.legal, taught[..., None].astype(np.int64), 2)[..., 0]
         taught = np.where(is_legal, taught, Action.STAY).astype(np.int8)
         labels[tick] = np.where(encoded.alive, taught, _NO_LABEL)
-        turn = player.step(seen, np.where(is_own, actions, taught), results)
-        player.earn(turn)  # nobody learns from it here, but matches go on into the rollouts, which count from this score
+        turn = seats.step(seen, np.where(is_own, actions, taught), results)
+        seats.earn(turn)  # nobody learns from it here, but matches go on into the rollouts, which count from this score
         teacher.start(turn.has_ended)
     flat = (torch.from_numpy(one).flatten(0, 1) for one in (planes, scalars, cell, legal, labels))
     return Lesson(**dict(zip(("planes", "scalars", "cell", "legal", "labels"), flat, strict=True)))
 
 
-def study(learner: Learner, lesson: Lesson, n_walkers: int, rate: float, generator: torch.Generator) -> dict[str, float]:
+def learn_lesson(learner: Learner, lesson: Lesson, n_walkers: int, rate: float, generator: torch.Generator) -> dict[str, float]:
     """Go through a lesson once; return the mean cross entropy, and how often the learner's likeliest action is the script's."""
     for group in learner.optimiser.param_groups:
         group["lr"] = rate
-    told = torch.zeros(2)
+    sums = torch.zeros(2)
     n_steps = 0
     for rows in learner.minibatches(len(lesson.labels), learner.settings.clone_minibatch, generator):
         learner.optimiser.zero_grad(set_to_none=True)
@@ -113,19 +115,19 @@ def study(learner: Learner, lesson: Lesson, n_walkers: int, rate: float, generat
             (loss * share).backward()  # type: ignore[no-untyped-call]
             is_known = labels != _NO_LABEL
             agreed = ((logits.argmax(-1) == labels) & is_known).sum() / is_known.sum().clamp_min(1)
-            told += torch.stack([loss.detach(), agreed]) * share
+            sums += torch.stack([loss.detach(), agreed]) * share
         learner.step()
         n_steps += 1
-    loss, agreed = (learner.processes.mean(told) / n_steps).tolist()
+    loss, agreed = (learner.processes.mean(sums) / n_steps).tolist()
     return {"clone_loss": loss, "agreed": agreed}
 
 
 def clone(
-    player: Player, teacher: Teacher, learner: Learner, progress: float, rng: np.random.Generator, generator: torch.Generator
+    seats: LearnerSeats, teacher: Teacher, learner: Learner, progress: float, rng: np.random.Generator, generator: torch.Generator
 ) -> tuple[int, dict[str, float]]:
     """Attend and study one lesson; return its samples, and how it went. `progress` goes from 0 to 1 in the course of cloning."""
     settings = learner.settings
     own = OWN_SEATS if progress > WATCHING else 0.0
-    lesson = attend(player, teacher, as_bf16(learner.network), settings.horizon, own, rng)
+    lesson = collect_lesson(seats, teacher, as_bf16(learner.network), settings.horizon, own, rng)
     rate = settings.clone_rate * min(1.0, 0.1 + 10 * progress) * max(1 - progress, 0.05)
-    return len(lesson.labels), study(learner, lesson, player.n_walkers, rate, generator)
+    return len(lesson.labels), learn_lesson(learner, lesson, seats.n_walkers, rate, generator)

@@ -1,6 +1,7 @@
 """The paper's Figures 4 to 6 from the metrics of runs: score over episodes, the mean of the seeds and the band they lie in."""
 
 import csv
+import io
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -11,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.errors import InputError
+from arena.extras import needs
 from policies.networks.checkpoint import write_whole
 from policies.training.folder import METRICS, SETTINGS, RunFolder
-from policies.training.line_chart import Curve, draw
-from policies.training.methods import read_order
+from policies.training.methods import read_config
 from policies.training.reinforce_settings import ReinforceSettings
 
 FIGURES = {
@@ -34,7 +35,7 @@ _N_POINTS = 150
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trace:
-    """What one run's metrics tell."""
+    """The metrics of one run."""
 
     rules: str
     seed: int
@@ -45,6 +46,17 @@ class Trace:
     score: NDArray[np.float64]
     """Shape (rounds,): mean final score of blue in each."""
     captures: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Curve:
+    """A line with the band that its runs lie in; all arrays are of one length."""
+
+    label: str
+    x: NDArray[np.float64]
+    low: NDArray[np.float64]
+    middle: NDArray[np.float64]
+    high: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +84,7 @@ class Summary:
 
 
 def read_traces(folders: Sequence[Path]) -> list[Trace]:
-    """Return what runs of the paper's method tell; a folder is a run's, or holds runs.
+    """Return the metrics of runs of the paper's method; a folder is a run's, or holds runs.
 
     Raises
     ------
@@ -90,7 +102,7 @@ def read_traces(folders: Sequence[Path]) -> list[Trace]:
 
 
 def _read_run(path: Path) -> Iterator[Trace]:
-    settings = read_order(RunFolder(path).read_settings()).settings
+    settings = read_config(RunFolder(path).read_settings()).settings
     if not isinstance(settings, ReinforceSettings) or not (path / METRICS).exists():
         return
     with (path / METRICS).open(encoding="utf-8", newline="") as file:
@@ -160,7 +172,7 @@ def has_converged(run: Trace) -> bool:
 
 
 def write_figures(traces: Sequence[Trace], out: Path) -> list[Summary]:
-    """Draw every figure that there are runs for, and what they say as figures.json; return that.
+    """Draw every figure that there are runs for, and write their summaries as figures.json; return these.
 
     Raises
     ------
@@ -179,12 +191,29 @@ def write_figures(traces: Sequence[Trace], out: Path) -> list[Summary]:
             if rules in rulesets
         ]
         if curves:
-            text = draw(title, "episodes", "score of the team that learns", curves, (-100, 100))
-            write_whole(out / f"{name}.svg", text.encode())
+            write_whole(out / f"{name}.svg", draw(title, curves))
     summaries = [summarise(runs) for runs in groups.values()]
-    facts = [{field.name: getattr(one, field.name) for field in fields(one)} for one in summaries]
-    write_whole(out / "figures.json", json.dumps(facts, indent=2).encode() + b"\n")
+    rows = [{field.name: getattr(one, field.name) for field in fields(one)} for one in summaries]
+    write_whole(out / "figures.json", json.dumps(rows, indent=2).encode() + b"\n")
     return summaries
+
+
+def draw(title: str, curves: Sequence[Curve]) -> bytes:
+    """Return a chart of curves as SVG; the same curves give the same bytes."""
+    with needs("train", "arena train figures"):
+        from matplotlib import rc_context, style
+        from matplotlib.figure import Figure
+
+    chart = io.BytesIO()
+    with style.context("tableau-colorblind10"), rc_context({"svg.fonttype": "none", "svg.hashsalt": title}):
+        figure = Figure(figsize=(7.2, 4), layout="constrained")
+        axes = figure.add_subplot(title=title, xlabel="episodes", ylabel="score of the team that learns", ylim=(-100, 100))
+        for number, line in enumerate(curves):
+            axes.fill_between(line.x, line.low, line.high, alpha=0.2)
+            axes.plot(line.x, line.middle, label=line.label, gid=f"curve{number}")
+        axes.legend()
+        figure.savefig(chart, format="svg", metadata={"Date": None})
+    return chart.getvalue()
 
 
 def _mean_until(run: Trace, values: NDArray[np.float64], end: float, window: int) -> float:

@@ -1,6 +1,6 @@
 """A run as a folder: its settings, its metrics, checkpoints to play with, and the state to go on from.
 
-settings.json       what the run was told
+settings.json       the run's configuration
 metrics.csv         a row for each rollout
 start.safetensors   the cloned start
 last.safetensors    the newest weights, ready to play; after the run, the result
@@ -41,7 +41,7 @@ class RunFolder:
         if (self.path / SETTINGS).exists():
             raise InputError(f"there is a run in {self.path} already; go on with it by --resume, or choose another --out")
 
-    def create(self, told: Mapping[str, Any]) -> None:
+    def create(self, config: Mapping[str, Any]) -> None:
         """Make the folder of a new run.
 
         Raises
@@ -54,10 +54,10 @@ class RunFolder:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"cannot make the folder {self.path}: {error.strerror}") from error
-        write_whole(self.path / SETTINGS, json.dumps(told, indent=2).encode() + b"\n")
+        write_whole(self.path / SETTINGS, json.dumps(config, indent=2).encode() + b"\n")
 
     def read_settings(self) -> dict[str, Any]:
-        """Return what the run was told.
+        """Return the run's configuration.
 
         Raises
         ------
@@ -65,12 +65,12 @@ class RunFolder:
             There is no run in the folder.
         """
         try:
-            told: dict[str, Any] = json.loads((self.path / SETTINGS).read_text(encoding="utf-8"))
+            config: dict[str, Any] = json.loads((self.path / SETTINGS).read_text(encoding="utf-8"))
         except FileNotFoundError as error:
             raise InputError(f"there is no run in {self.path}; start one without --resume") from error
         except (OSError, ValueError) as error:
             raise InputError(f"cannot read {self.path / SETTINGS}: {error}") from error
-        return told
+        return config
 
     def save_state(self, state: Mapping[str, Any]) -> None:
         """Keep what `--resume` needs, all of it or nothing."""

@@ -1,17 +1,17 @@
-"""The ways to train, by their names: what each is told, as a run's folder keeps it, and the run that it makes."""
+"""The methods of training by name: the configuration of a run, as its folder keeps it, and the run that it makes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Protocol
 
 from arena.errors import InputError
-from policies.training import reinforce_settings, settings
+from policies.training import ppo_settings, reinforce_settings
 from policies.training.budget import Budget
 from policies.training.folder import RunFolder
 from policies.training.parallel import Processes
-from policies.training.record import Tell
+from policies.training.ppo_settings import PpoSettings
+from policies.training.record import ReportProgress
 from policies.training.reinforce_settings import ReinforceSettings
-from policies.training.settings import Settings
 
 PPO, REINFORCE = "ppo", "reinforce"
 DEFAULT_SAMPLES, DEFAULT_EPISODES = 3_000_000, 20_000
@@ -26,25 +26,25 @@ class Trainable(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
-    """All that a run is told."""
+class RunConfig:
+    """Everything that a run is made from."""
 
     method: str
     start: str
     """`clone:FIGHTER`, a checkpoint's file, or nothing."""
     budget: Budget
-    settings: Settings | ReinforceSettings
+    settings: PpoSettings | ReinforceSettings
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the order as JSON has it."""
+        """Return the configuration as JSON has it."""
         return asdict(self)
 
-    def for_stage(self, rules: str, start: str) -> "Order":
-        """Return the same order for a stage of a curriculum."""
+    def for_stage(self, rules: str, start: str) -> "RunConfig":
+        """Return the same config for a stage of a curriculum."""
         return replace(self, settings=replace(self.settings, rules=rules), start=start)
 
-    def with_budget(self, budget: Budget) -> "Order":
-        """Return the order with another budget, unless that is left open."""
+    def with_budget(self, budget: Budget) -> "RunConfig":
+        """Return the config with another budget, unless that is left open."""
         return self if budget == Budget() else replace(self, budget=checked(self.method, budget))
 
 
@@ -61,38 +61,42 @@ def checked(method: str, budget: Budget) -> Budget:
     return budget
 
 
-def read_order(told: dict[str, Any]) -> Order:
-    """Return the order that a run's folder keeps."""
-    method = told.get("method", PPO)
-    read = reinforce_settings.from_dict if method == REINFORCE else settings.from_dict
-    return Order(method=method, start=told["start"], budget=Budget(**told["budget"]), settings=read(told["settings"]))
+def read_config(values: dict[str, Any]) -> RunConfig:
+    """Return the config that a run's folder keeps."""
+    method = values.get("method", PPO)
+    read = reinforce_settings.from_dict if method == REINFORCE else ppo_settings.from_dict
+    return RunConfig(method=method, start=values["start"], budget=Budget(**values["budget"]), settings=read(values["settings"]))
 
 
-def make_order(method: str, start: str, budget: Budget, *, rules: str | None, seed: int, assignments: Sequence[str]) -> Order:
-    """Return an order as somebody gives it; what is left open is as the method has it.
+def make_config(
+    method: str, start: str, budget: Budget, *, rules: str | None, seed: int, assignments: Sequence[str]
+) -> RunConfig:
+    """Return a configuration from command line options; what is not given is the method's default.
 
     Raises
     ------
     InputError
-        The method does not take what was said.
+        The method does not take an option.
     """
     if method == REINFORCE:
         if start.startswith("clone:"):
             raise InputError("--start clone: is for the method ppo; reinforce begins with nothing, or from a checkpoint's file")
         chosen = ReinforceSettings(rules=rules or "exp1", seed=seed).with_(assignments)
-        return Order(method=method, start=start, budget=Budget(episodes=DEFAULT_EPISODES), settings=chosen).with_budget(budget)
-    usual = Settings(rules=rules or "paper", seed=seed).with_(assignments)
-    return Order(method=method, start=start, budget=Budget(samples=DEFAULT_SAMPLES), settings=usual).with_budget(budget)
+        return RunConfig(method=method, start=start, budget=Budget(episodes=DEFAULT_EPISODES), settings=chosen).with_budget(
+            budget
+        )
+    usual = PpoSettings(rules=rules or "paper", seed=seed).with_(assignments)
+    return RunConfig(method=method, start=start, budget=Budget(samples=DEFAULT_SAMPLES), settings=usual).with_budget(budget)
 
 
-def make_run(order: Order, folder: RunFolder, processes: Processes, tell: Tell, device: str) -> Trainable:
-    """Return the run of an order, in one of perhaps several processes."""
-    if isinstance(order.settings, ReinforceSettings):
+def make_run(config: RunConfig, folder: RunFolder, processes: Processes, report: ReportProgress, device: str) -> Trainable:
+    """Return the run of a configuration, in one of perhaps several processes."""
+    if isinstance(config.settings, ReinforceSettings):
         from policies.training.reinforce_run import ReinforceRun
 
-        return ReinforceRun(folder, order.settings, order.start, order.budget, processes, tell, device)
+        return ReinforceRun(folder, config.settings, config.start, config.budget, processes, report, device)
     if device != "cpu":
         raise InputError(f"--device {device} is for the method reinforce; ppo trains on the CPU")
-    from policies.training.run import Run
+    from policies.training.ppo_run import PpoRun
 
-    return Run(folder, order.settings, order.start, order.budget, processes, tell)
+    return PpoRun(folder, config.settings, config.start, config.budget, processes, report)

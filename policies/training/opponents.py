@@ -110,7 +110,7 @@ class Opponents:
             fighter.use(changed)
 
     def start(self, has_ended: NDArray[np.bool_]) -> None:
-        """Tell those whose match has ended that a new one begins."""
+        """Start a new match for those whose match has ended."""
         for name, fighter in self._fighters.items():
             fighter.start(np.flatnonzero(has_ended[self.rows[name]]))
 

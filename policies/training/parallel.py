@@ -54,7 +54,7 @@ class Processes:
             grad.copy_(mean.view(grad.shape))
 
     def gather(self, value: T) -> list[T]:
-        """Return what every process has to say, in their order."""
+        """Return the value of every process, in their order."""
         if self.n == 1:
             return [value]
         gathered = [value] * self.n
@@ -62,7 +62,7 @@ class Processes:
         return gathered
 
     def share_first(self, value: T) -> T:
-        """Return what the first process has to say."""
+        """Return the value of the first process."""
         return self.gather(value)[0]
 
 

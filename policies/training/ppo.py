@@ -15,8 +15,8 @@ from policies.networks.learned import CHUNK
 from policies.networks.models import Critic, TeamNetwork, channels_last
 from policies.training.gradients import bound_gradients
 from policies.training.parallel import Processes
+from policies.training.ppo_settings import PpoSettings
 from policies.training.rollout import Experience
-from policies.training.settings import Settings
 
 MOST_NORM = 0.5
 """Gradients are cut to this norm."""
@@ -57,7 +57,7 @@ class Schedule:
     is_critic_only: bool
 
 
-def estimate(experience: Experience, values: Tensor, schedule: Schedule, settings: Settings) -> tuple[Tensor, Tensor]:
+def estimate(experience: Experience, values: Tensor, schedule: Schedule, settings: PpoSettings) -> tuple[Tensor, Tensor]:
     """Return advantages and returns; generalised advantage estimation.
 
     Parameters
@@ -84,7 +84,7 @@ def estimate(experience: Experience, values: Tensor, schedule: Schedule, setting
 class Learner:
     """The network, its critic and its optimiser."""
 
-    def __init__(self, network: TeamNetwork, critic: Critic, settings: Settings, processes: Processes) -> None:
+    def __init__(self, network: TeamNetwork, critic: Critic, settings: PpoSettings, processes: Processes) -> None:
         self.network = channels_last(network)
         self.critic = channels_last(critic)
         self.settings, self.processes = settings, processes
@@ -136,13 +136,13 @@ class Learner:
         n_steps = 0
         for _ in range(settings.epochs):
             for rows in self.minibatches(len(flat[0]), settings.minibatch, generator):
-                told = self._step([one[rows] for one in flat], n_walkers, schedule)
+                means = self._step([one[rows] for one in flat], n_walkers, schedule)
                 n_steps += 1
-                for name, value in told.items():
+                for name, value in means.items():
                     sums[name] = sums.get(name, 0.0) + value
-                if told["kl"] > settings.target_kl:
+                if means["kl"] > settings.target_kl:
                     break
-            if told["kl"] > settings.target_kl:
+            if means["kl"] > settings.target_kl:
                 break
         return {name: value / n_steps for name, value in sums.items()} | {"explained": explained, "steps": float(n_steps)}
 
@@ -153,16 +153,16 @@ class Learner:
 
     def _step(self, batch: list[Tensor], n_walkers: int, schedule: Schedule) -> dict[str, float]:
         n = len(batch[0])
-        told = torch.zeros(5)
+        sums = torch.zeros(5)
         self.optimiser.zero_grad(set_to_none=True)
         for chunk in zip(*(torch.split(one, CHUNK) for one in batch), strict=True):
-            loss, facts = self._loss(list(chunk), n_walkers, schedule)
+            loss, metrics = self._loss(list(chunk), n_walkers, schedule)
             share = len(chunk[0]) / n
             (loss * share).backward()  # type: ignore[no-untyped-call]
-            told += facts * share
+            sums += metrics * share
         self.step()
         names = ("policy_loss", "value_loss", "entropy", "kl", "clipped")
-        return dict(zip(names, self.processes.mean(told).tolist(), strict=True))
+        return dict(zip(names, self.processes.mean(sums).tolist(), strict=True))
 
     def _loss(self, chunk: list[Tensor], n_walkers: int, schedule: Schedule) -> tuple[Tensor, Tensor]:
         planes, truth, scalars, cell, alive, legal, actions, old_logp, advantage, target = chunk

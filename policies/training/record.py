@@ -1,4 +1,4 @@
-"""What a run writes down as it goes: a row of metrics for each step, TensorBoard, when it is time to save, and how far it is."""
+"""The record of a run: a row of metrics for each step, TensorBoard, when to save, and its progress."""
 
 import math
 import time
@@ -8,8 +8,8 @@ from policies.training.folder import RunFolder, open_board
 from policies.training.parallel import Processes
 
 SAVE_EVERY_S = 30.0
-Tell = Callable[[float, str], None]
-"""Is told how much of the run is done, from 0 to 1, and how it goes."""
+ReportProgress = Callable[[float, str], None]
+"""Called with the share of the run that is done, from 0 to 1, and a line about how it goes."""
 
 
 class Record:
@@ -17,12 +17,12 @@ class Record:
 
     Parameters
     ----------
-    tell
-        Is called after each step.
+    report
+        Called after each step.
     """
 
-    def __init__(self, folder: RunFolder, processes: Processes, tell: Tell) -> None:
-        self._folder, self._processes, self._tell = folder, processes, tell
+    def __init__(self, folder: RunFolder, processes: Processes, report: ReportProgress) -> None:
+        self._folder, self._processes, self._report = folder, processes, report
         self._board = open_board(folder.path) if processes.is_first else None
         self._saved_s = self._lap_s = time.monotonic()
 
@@ -42,10 +42,10 @@ class Record:
                 if isinstance(value, int | float) and math.isfinite(value):
                     self._board.add_scalar(name, value, at)
 
-    def tell(self, progress: float, seconds: float, text: str) -> None:
-        """Say how the run goes, and what time is left of it."""
+    def report(self, progress: float, seconds: float, text: str) -> None:
+        """Report how the run goes, and how much time is left."""
         left_s = seconds * max(1 / progress - 1, 0.0) if progress else math.nan
-        self._tell(min(progress, 1.0), f"{text}; {left_s / 60:.0f} min left" if progress else text)
+        self._report(min(progress, 1.0), f"{text}; {left_s / 60:.0f} min left" if progress else text)
 
     def is_save_due(self) -> bool:
         """Return whether it is time to save: the same in every process."""

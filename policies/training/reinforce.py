@@ -18,7 +18,7 @@ points, -100 to 100.
 *Sample buffer s, R, t ~ B(U(0, N_buffer)).* The replay is uniform, and the gradient of REINFORCE is right only for samples of
 the policy that is updated. With Table 3 an update adds some 4,000 samples to 50,000, so that a sample is drawn for about a
 dozen updates after it was made: the gradient is off-policy by as much as the policy moves in them. `importance=0` does as the
-paper writes, `importance=c` weighs each sample by pi/mu, at most c, where mu drew it. Metrics tell how far it is in any case:
+paper writes, `importance=c` weighs each sample by pi/mu, at most c, where mu drew it. Metrics show how far it is in any case:
 mean age in updates, mean log mu - log pi, and the share of the batch that is left as effective sample size.
 
 *G = sum of gamma^(k-t-1) R_k.* The return from t on.
@@ -116,17 +116,17 @@ class Reinforcer:
             The gradient is not finite, or has exploded; no step was taken with it.
         """
         _, size = self.processes.share(self.settings.batch)
-        told: list[dict[str, float]] = []
+        steps: list[dict[str, float]] = []
         for _ in range(self.settings.updates):
             batch = self.replay.draw(max(size, 1), rng)
-            facts = self.backward(batch)
+            metrics = self.backward(batch)
             self.processes.average_gradients(self.parameters)
-            facts["norm"] = bound_gradients(self.parameters)
-            facts["age"] = float(n_updates - batch.update.double().mean())
+            metrics["norm"] = bound_gradients(self.parameters)
+            metrics["age"] = float(n_updates - batch.update.double().mean())
             self.optimiser.step()
-            told.append(facts)
-        names = list(told[0])
-        means = self.processes.mean(torch.tensor([np.mean([one[name] for one in told]) for name in names]))
+            steps.append(metrics)
+        names = list(steps[0])
+        means = self.processes.mean(torch.tensor([np.mean([one[name] for one in steps]) for name in names]))
         return dict(zip(names, means.tolist(), strict=True))
 
     def backward(self, batch: Samples) -> dict[str, float]:
@@ -137,11 +137,11 @@ class Reinforcer:
         sums = torch.zeros(4, device=self.device)
         parts = (batch.views, batch.unit, batch.action, batch.logp, weights)
         for chunk in zip(*(torch.split(one.to(self.device), size) for one in parts), strict=True):
-            loss, facts = self._loss(*chunk)
+            loss, metrics = self._loss(*chunk)
             # `average_gradients` takes a mean over the processes, which a sum over the batch must undo.
             scale = 1 / len(weights) if self.settings.optimiser == "adam" else float(self.processes.n)
             (loss * scale).backward()  # type: ignore[no-untyped-call]
-            sums += facts
+            sums += metrics
         entropy, gap, ratio, square = sums.tolist()
         n = len(weights)
         return {
@@ -169,5 +169,5 @@ class Reinforcer:
             ratio = (logp - old).exp()
         used = ratio.clamp_max(self.settings.importance) if self.settings.importance else torch.ones_like(ratio)
         loss = -(used * weight * logp + self.settings.entropy * entropy).sum()
-        facts = [entropy.detach().sum(), (old - logp.detach()).sum(), ratio.sum(), ratio.square().sum()]
-        return loss, torch.stack(facts)
+        metrics = [entropy.detach().sum(), (old - logp.detach()).sum(), ratio.sum(), ratio.square().sum()]
+        return loss, torch.stack(metrics)

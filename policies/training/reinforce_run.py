@@ -25,10 +25,10 @@ from policies.training.budget import Budget
 from policies.training.curriculum import PROGRESS, check_start
 from policies.training.folder import LAST, STEP, RunFolder
 from policies.training.parallel import Processes
-from policies.training.record import Record, Tell
+from policies.training.record import Record, ReportProgress
 from policies.training.reinforce import Reinforcer
 from policies.training.reinforce_settings import SELF, ReinforceSettings
-from policies.training.trajectories import Outcome, Stage
+from policies.training.trajectories import Outcome, RoundPlayer
 
 _WINDOW = 0.1
 """Weight of the newest round in the running means that progress shows."""
@@ -55,8 +55,8 @@ class ReinforceRun:
     ----------
     start
         A checkpoint's file, or nothing.
-    tell
-        Is called after each round.
+    report
+        Called after each round.
     device
         Where the network computes, as torch names it; matches are played on the CPU.
     """
@@ -68,11 +68,11 @@ class ReinforceRun:
         start: str,
         budget: Budget,
         processes: Processes,
-        tell: Tell,
+        report: ReportProgress,
         device: str = "cpu",
     ) -> None:
-        self.folder, self.settings, self.start, self.budget, self.processes, self._tell = (
-            folder, settings, start, budget, processes, tell,
+        self.folder, self.settings, self.start, self.budget, self.processes, self._report = (
+            folder, settings, start, budget, processes, report,
         )  # fmt: skip
         self.ruleset = load_rules(settings.rules)
         n_units = len(self.ruleset.team(Team.BLUE))
@@ -96,9 +96,9 @@ class ReinforceRun:
         """Go on until the budget is used up, or `should_stop` says so; then save. Return whether the budget is used up."""
         first_row, n_rows = self.processes.share(self.settings.update_every)
         env = BatchedEnv(self.ruleset, n_rows, seed=self.settings.seed, first_row=first_row)
-        self._stage = Stage(env, self._seat_opponent(n_rows), self.settings)
+        self._rounds = RoundPlayer(env, self._seat_opponent(n_rows), self.settings)
         self._rng = np.random.default_rng([self.settings.seed, self.processes.rank, self.counts.sittings])
-        self._record = Record(self.folder, self.processes, self._tell)
+        self._record = Record(self.folder, self.processes, self._report)
         while self.progress < 1 and not self.processes.share_first(should_stop()):
             self._round()
         self.save()
@@ -149,36 +149,36 @@ class ReinforceRun:
         """Play as many matches as an update needs, and update."""
         learner = self.learner
         network = as_bf16(learner.network) if learner.is_bf16 else learner.network
-        samples, outcome = self._stage.play(network, self.counts.step)
+        samples, outcome = self._rounds.play_round(network, self.counts.step)
         learner.replay.add(samples)
-        facts = learner.update(self.counts.step, self._rng)
-        self._note(len(samples.unit), outcome, facts)
+        metrics = learner.update(self.counts.step, self._rng)
+        self._note(len(samples.unit), outcome, metrics)
 
-    def _note(self, n_samples: int, outcome: Outcome, facts: Mapping[str, float]) -> None:
-        """Count, write the metrics, save if it is time, and tell."""
+    def _note(self, n_samples: int, outcome: Outcome, metrics: Mapping[str, float]) -> None:
+        """Count, write the metrics, save if it is time, and report."""
         counts, took_s = self.counts, self._record.lap()
         whole = self.processes.gather((n_samples, outcome))
         counts.step += 1
         counts.episodes += self.settings.update_every
         counts.samples += sum(n for n, _ in whole)
         counts.seconds += took_s
-        told = {
+        results = {
             "score": _mean([one.score for _, one in whole]), "won": _mean([one.is_won for _, one in whole]),
             "captures": _mean([one.is_captured for _, one in whole]), "ticks": _mean([one.ticks for _, one in whole]),
             "seen": _mean([one.seen for _, one in whole]),
         }  # fmt: skip
         for name in self.means:
-            self.means[name] += _WINDOW * (told[name] - self.means[name])
+            self.means[name] += _WINDOW * (results[name] - self.means[name])
         per_s = sum(n for n, _ in whole) / max(took_s, 1e-9)
         row: dict[str, float | int | str] = {
             STEP: counts.step, "stage": self.ruleset.name, "seconds": counts.seconds, "episodes": counts.episodes,
-            "samples": counts.samples, "per_s": per_s, **told, **facts,
+            "samples": counts.samples, "per_s": per_s, **results, **metrics,
         }  # fmt: skip
         self._record.add(row, counts.episodes)
         if self._record.is_save_due():
             self.save()
         how = f"win rate {self.means['won']:.2f}, score {self.means['score']:+.1f}"
-        self._record.tell(
+        self._record.report(
             self.progress, counts.seconds, f"{self.ruleset.name} {counts.episodes:,} episodes, {per_s:,.0f} samples per s; {how}"
         )
 

@@ -1,4 +1,4 @@
-"""What a run of the paper's method is told: Table 3, and a switch wherever the paper can be read in more than one way."""
+"""The settings of a run of the paper's method: Table 3, and a switch wherever the paper can be read in more than one way."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass

@@ -70,7 +70,7 @@ class Results:
             self.captures += int(turn.ending[row] == Termination.CAPTURE and winner == Team.BLUE)
 
 
-class Player:
+class LearnerSeats:
     """The learner in its seats: blue's of all rows, then red's of the rows of self-play."""
 
     def __init__(self, env: BatchedEnv, opponents: Opponents) -> None:
@@ -116,7 +116,7 @@ class Player:
             planes[n_games:] = whole[self.opponents.self_rows]
 
     def step(self, seen: dict[Team, Observations], actions: NDArray[np.int8], results: Results) -> StepResult:
-        """Let every seat do as told, and all others as they like; `actions` are of the frame, shape (s, units)."""
+        """Step with the learner's `actions`, of the frame, shape (s, units), and the opponents' own."""
         n_games, rows = self.env.n_games, self.opponents.self_rows
         self._orders[Team.BLUE][:] = self._blue.to_board(actions[:n_games])
         self.opponents.act(seen[Team.RED], self._orders[Team.RED])
@@ -156,9 +156,9 @@ class Player:
         )
 
 
-def collect(player: Player, network: TeamNetwork, n_ticks: int, results: Results) -> Experience:
+def collect(seats: LearnerSeats, network: TeamNetwork, n_ticks: int, results: Results) -> Experience:
     """Play `n_ticks` in every row."""
-    n_seats, n_units, side = player.n_seats, player.n_units, player.env.ruleset.side
+    n_seats, n_units, side = seats.n_seats, seats.n_units, seats.env.ruleset.side
     planes = np.zeros((n_ticks, n_seats, side, side, N_PLANES), np.uint8)
     truth = np.zeros((n_ticks + 1, n_seats, side, side, N_TRUTH_PLANES), np.uint8)
     scalars = np.zeros((n_ticks, n_seats, N_SCALARS), np.float32)
@@ -170,17 +170,17 @@ def collect(player: Player, network: TeamNetwork, n_ticks: int, results: Results
     reward, gain = np.zeros((2, n_ticks, n_seats), np.float32)
     has_ended = np.zeros((n_ticks, n_seats), np.bool_)
     for tick in range(n_ticks):
-        seen = player.env.observe()
-        encoded, seeds = player.look(seen)
+        seen = seats.env.observe()
+        encoded, seeds = seats.look(seen)
         planes[tick], scalars[tick], cell[tick], alive[tick], legal[tick] = encoded
-        player.reveal(truth[tick])
-        logits = infer(network, encoded, player.n_walkers)
+        seats.reveal(truth[tick])
+        logits = infer(network, encoded, seats.n_walkers)
         choose(logits, seeds, actions[tick])
         chosen = torch.from_numpy(actions[tick].astype(np.int64))[..., None]
         logp[tick] = torch.from_numpy(logits).log_softmax(-1).gather(-1, chosen).squeeze(-1).numpy()
-        reward[tick], gain[tick], has_ended[tick] = player.earn(player.step(seen, actions[tick], results))
-    encoded, _ = player.look(player.env.observe())
-    player.reveal(truth[n_ticks])
+        reward[tick], gain[tick], has_ended[tick] = seats.earn(seats.step(seen, actions[tick], results))
+    encoded, _ = seats.look(seats.env.observe())
+    seats.reveal(truth[n_ticks])
     return Experience(
         planes=torch.from_numpy(planes), truth=torch.from_numpy(truth), scalars=torch.from_numpy(scalars),
         cell=torch.from_numpy(cell), alive=torch.from_numpy(alive), legal=torch.from_numpy(legal),

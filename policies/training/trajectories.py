@@ -60,7 +60,7 @@ class _Side:
         return self._actions[self.row, self.unit].astype(np.int64)
 
 
-class Stage:
+class RoundPlayer:
     """The board on which rounds are played: rows of matches, a view for each unit, and an opponent.
 
     Parameters
@@ -75,7 +75,7 @@ class Stage:
         self._sides = [_Side(env, team, settings.window) for team in played]
         self._orders = {team: np.zeros((env.n_games, len(env.ruleset.team(team))), np.int8) for team in Team}
 
-    def play(self, network: PaperTeam, update: int) -> tuple[Samples, Outcome]:
+    def play_round(self, network: PaperTeam, update: int) -> tuple[Samples, Outcome]:
         """Play one match in every row, from its first tick to its last, with one policy throughout.
 
         A row whose match has ended waits for the others: what follows in it is not part of the round.

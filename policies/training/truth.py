@@ -1,4 +1,4 @@
-"""What the critic is told beyond what a team sees: the true state, as planes in the frame of that team. Training only."""
+"""The true state as planes in the frame of a team: what the critic sees beyond that team's view, in training only."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +48,8 @@ def _reveal(
             if state.ground[game, cell] == _OBSTACLE:
                 there = framed(cell, side, is_turned[game])
                 board[there // side, there % side, _WALL] = ONE
-        for plane, fact in ((_OWN_FLAG, StateField.BLUE_FLAG + team), (_ENEMY_FLAG, StateField.RED_FLAG - team)):
-            there = framed(int(state.field[game, fact]), side, is_turned[game])
+        for plane, flag in ((_OWN_FLAG, StateField.BLUE_FLAG + team), (_ENEMY_FLAG, StateField.RED_FLAG - team)):
+            there = framed(int(state.field[game, flag]), side, is_turned[game])
             board[there // side, there % side, plane] = ONE
         for unit in range(first, last):
             if state.alive[game, unit]:

@@ -133,7 +133,7 @@ def test_its_children_end_with_it(tmp_path: Path) -> None:
     file = tmp_path / "parent.sh"
     file.write_text("sleep 1000 &\necho $!\nwait\n")
     running = program.Program(["sh", str(file)])
-    child = running.hear()
+    child = running.receive()
 
     running.close()
 

@@ -2,9 +2,10 @@
 
 import csv
 import json
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 from dataclasses import asdict, replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,6 @@ from arena.errors import InputError
 from policies.training.budget import Budget
 from policies.training.figures import Trace, curve, group, has_converged, read_traces, summarise, write_figures
 from policies.training.folder import METRICS, RunFolder
-from policies.training.line_chart import ticks
 from policies.training.reinforce_settings import ReinforceSettings
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -86,8 +86,8 @@ def test_every_figure_is_drawn_from_the_runs_of_its_stages(tmp_path: Path) -> No
     assert "exp1, as in the paper, 3 seeds" in texts
     assert "exp1, reward=stream, 1 seed" in texts
     assert "exp3, as in the paper, 3 seeds" not in texts
-    told = json.loads((tmp_path / "out" / "figures.json").read_text())
-    assert [(one["rules"], one["last_low"], one["last_high"]) for one in told if one["seeds"] == 3] == [
+    summary = json.loads((tmp_path / "out" / "figures.json").read_text())
+    assert [(one["rules"], one["last_low"], one["last_high"]) for one in summary if one["seeds"] == 3] == [
         (rules, 10.0, 30.0) for rules in ("exp1", "exp3", "exp4")
     ]
     assert len(summaries) == 4
@@ -96,9 +96,9 @@ def test_every_figure_is_drawn_from_the_runs_of_its_stages(tmp_path: Path) -> No
 def test_higher_scores_stand_higher(tmp_path: Path) -> None:
     leave_run(tmp_path / "run", "exp1", 1, [-100.0] * 100 + [100.0] * 200)
     write_figures(read_traces([tmp_path]), tmp_path / "out")
-    lines = ElementTree.parse(tmp_path / "out" / "figure4.svg").iter(f"{SVG}path")
-    drawn = next(one.get("d", "") for one in lines if one.get("fill") == "none")
-    points = [tuple(map(float, point.split())) for point in drawn.removeprefix("M").split(" L")]
+    drawn = ElementTree.parse(tmp_path / "out" / "figure4.svg").find(f".//{SVG}g[@id='curve0']/{SVG}path")
+    assert drawn is not None
+    points = [tuple(map(float, point.split())) for point in drawn.get("d", "").removeprefix("M").split("L")]
 
     assert points[0][0] < points[-1][0]
     assert points[0][1] > points[-1][1]
@@ -115,10 +115,12 @@ def test_what_is_no_run_and_a_seed_that_comes_twice_are_refused(tmp_path: Path) 
         read_traces([tmp_path])
 
 
-@pytest.mark.parametrize(("low", "high"), [(-100, 100), (0, 20_000), (0, 7), (0, 0.3), (0, 2_890)])
-def test_ticks_are_round_few_and_within(low: float, high: float) -> None:
-    found = ticks(low, high)
+def test_without_matplotlib_the_command_is_named(tmp_path: Path) -> None:
+    leave_run(tmp_path / "run", "exp1", 1, [0.0] * 100)
+    command = ["arena", "train", "figures", str(tmp_path / "run"), "--out", str(tmp_path / "out")]
+    code = f"import sys; sys.modules['matplotlib'] = None; from tournaments.cli import main; sys.argv = {command!r}; main()"
 
-    assert 3 <= len(found) <= 10
-    assert low <= found[0] <= found[-1] <= high
-    assert len({round(after - before, 6) for before, after in pairwise(found)}) == 1
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.endswith("needs matplotlib, which is not installed here: pip install 'arena-pit[train]'\n")

@@ -28,7 +28,7 @@ from policies.training.reinforce import Reinforcer, credit
 from policies.training.reinforce_run import ReinforceRun
 from policies.training.reinforce_settings import ReinforceSettings, from_dict
 from policies.training.replay import Replay, Samples
-from policies.training.trajectories import Stage
+from policies.training.trajectories import RoundPlayer
 
 torch.set_num_threads(1)
 EXP1 = load_rules("exp1")
@@ -191,18 +191,18 @@ def test_a_gradient_that_is_no_longer_sound_stops_before_the_step(returned: floa
     assert all(torch.equal(before[name], one) for name, one in learner.network.state_dict().items())
 
 
-def stage(ruleset: Ruleset, n_rows: int, first_row: int = 0, opponent: str = "") -> Stage:
+def stage(ruleset: Ruleset, n_rows: int, first_row: int = 0, opponent: str = "") -> RoundPlayer:
     env = BatchedEnv(ruleset, n_rows, seed=1, first_row=first_row)
     red = load(opponent)(ruleset, Team.RED, n_rows) if opponent else None
-    return Stage(env, red, SETTINGS)
+    return RoundPlayer(env, red, SETTINGS)
 
 
 def test_a_round_is_the_same_in_one_process_and_in_parts(tiny: str) -> None:
     ruleset = load_rules(tiny)
     torch.manual_seed(0)
     network = PaperTeam(7)
-    whole, outcome = stage(ruleset, 6).play(network, 3)
-    parts = [stage(ruleset, 3, first_row=first).play(network, 3) for first in (0, 3)]
+    whole, outcome = stage(ruleset, 6).play_round(network, 3)
+    parts = [stage(ruleset, 3, first_row=first).play_round(network, 3) for first in (0, 3)]
 
     np.testing.assert_array_equal(outcome.score, np.concatenate([one.score for _, one in parts]))
     np.testing.assert_array_equal(outcome.ticks, np.concatenate([one.ticks for _, one in parts]))
@@ -213,8 +213,8 @@ def test_a_round_is_the_same_in_one_process_and_in_parts(tiny: str) -> None:
 def test_a_round_is_each_row_s_match_from_its_start_to_its_end(tiny: str) -> None:
     ruleset = load_rules(tiny)
     torch.manual_seed(0)
-    played, outcome = stage(ruleset, 12).play(PaperTeam(7), 0)
-    again, _ = stage(ruleset, 12).play(PaperTeam(7), 1)
+    played, outcome = stage(ruleset, 12).play_round(PaperTeam(7), 0)
+    again, _ = stage(ruleset, 12).play_round(PaperTeam(7), 1)
 
     assert outcome.is_captured.any()
     assert not outcome.is_captured.all()
@@ -229,7 +229,7 @@ def test_a_round_is_each_row_s_match_from_its_start_to_its_end(tiny: str) -> Non
 def test_the_fallen_decide_no_more_and_share_the_score_of_the_end() -> None:
     ruleset = load_rules("exp2").with_({"side": 10, "tick_limit": 40})
     torch.manual_seed(0)
-    played, outcome = stage(ruleset, 6, opponent="rush").play(PaperTeam(7), 0)
+    played, outcome = stage(ruleset, 6, opponent="rush").play_round(PaperTeam(7), 0)
 
     assert len(played.unit) < 4 * outcome.ticks.sum()
     assert (outcome.score < 0).any()
@@ -280,8 +280,8 @@ def test_an_opponent_that_is_the_learner_itself_plays_as_it_would_in_a_seat_of_i
     torch.manual_seed(0)
     network = PaperTeam(7, policies)
     env = BatchedEnv(ruleset, 6, seed=1)
-    seated, outcome = Stage(env, LearnedUnits(ruleset, Team.RED, 6, network=network), SETTINGS).play(network, 2)
-    alone, same = stage(ruleset, 6).play(network, 2)
+    seated, outcome = RoundPlayer(env, LearnedUnits(ruleset, Team.RED, 6, network=network), SETTINGS).play_round(network, 2)
+    alone, same = stage(ruleset, 6).play_round(network, 2)
 
     assert len(alone.unit) == len(seated.unit)
     assert torch.equal(alone.action, seated.action)

@@ -21,34 +21,34 @@ from policies.networks.checkpoint import load_checkpoint
 from policies.networks.models import Critic, TeamNetwork, TeamShape
 from policies.training.allocator import KEEP
 from policies.training.budget import Budget
-from policies.training.clone import Teacher, attend, study
+from policies.training.clone import Teacher, collect_lesson, learn_lesson
 from policies.training.folder import LAST, METRICS, START, STATE, RunFolder
 from policies.training.gradients import TrainingError
 from policies.training.opponents import Opponents, Pool, assign
 from policies.training.parallel import Processes
 from policies.training.ppo import Learner, Schedule, estimate
-from policies.training.rollout import Experience, Player, Results, collect
-from policies.training.run import Run
-from policies.training.settings import Settings, from_dict
+from policies.training.ppo_run import PpoRun
+from policies.training.ppo_settings import PpoSettings, from_dict
+from policies.training.rollout import Experience, LearnerSeats, Results, collect
 
 torch.set_num_threads(1)  # as `arena train` has it: threads that wait for each other cost more than they bring
 PAPER = load_rules("paper")
 SMALL = TeamShape(channels=8, blocks=1, patch=5, local=8, hidden=16)
-SETTINGS = Settings(
+SETTINGS = PpoSettings(
     games=8, horizon=6, minibatch=24, channels=8, blocks=1, critic_warmup=1, clone_samples=60, clone_minibatch=24,
     opponents={"self": 0.5, "best": 0.2, "past": 0.1, "rush": 0.2},
 )  # fmt: skip
 FULL = Schedule(rate=1e-3, entropy=0.0, shaping=0.0, is_critic_only=False)
 
 
-def make_player(settings: Settings = SETTINGS, seed: int = 1, first_row: int = 0, n_rows: int | None = None) -> Player:
+def make_seats(settings: PpoSettings = SETTINGS, seed: int = 1, first_row: int = 0, n_rows: int | None = None) -> LearnerSeats:
     torch.manual_seed(0)
     n_rows = settings.games if n_rows is None else n_rows
     opponents = Opponents(PAPER, settings.opponents, first_row, n_rows, TeamNetwork(SMALL))
-    return Player(BatchedEnv(PAPER, n_rows, seed=seed, first_row=first_row), opponents)
+    return LearnerSeats(BatchedEnv(PAPER, n_rows, seed=seed, first_row=first_row), opponents)
 
 
-def make_learner(settings: Settings = SETTINGS) -> Learner:
+def make_learner(settings: PpoSettings = SETTINGS) -> Learner:
     torch.manual_seed(0)
     return Learner(TeamNetwork(SMALL), Critic(channels=8, blocks=1), settings, Processes())
 
@@ -66,8 +66,8 @@ def test_rows_get_opponents_by_their_shares_however_many_processes_there_are() -
 def test_a_rollout_is_the_same_in_one_process_and_in_parts() -> None:
     network = TeamNetwork(SMALL).eval()
     settings = replace(SETTINGS, opponents={"self": 0.5, "rush": 0.5})
-    whole = collect(make_player(settings), network, 6, Results())
-    parts = [collect(make_player(settings, first_row=first, n_rows=4), network, 6, Results()) for first in (0, 4)]
+    whole = collect(make_seats(settings), network, 6, Results())
+    parts = [collect(make_seats(settings, first_row=first, n_rows=4), network, 6, Results()) for first in (0, 4)]
 
     np.testing.assert_array_equal(whole.planes[:, :8], torch.cat([part.planes[:, :4] for part in parts], 1))
     np.testing.assert_array_equal(whole.actions[:, :8], torch.cat([part.actions[:, :4] for part in parts], 1))
@@ -75,7 +75,7 @@ def test_a_rollout_is_the_same_in_one_process_and_in_parts() -> None:
 
 def test_advantages_are_discounted_surprises_and_stop_where_a_match_ends() -> None:
     settings = replace(SETTINGS, gamma=0.9, lambda_=0.5)
-    experience = collect(make_player(), TeamNetwork(SMALL).eval(), 5, Results())
+    experience = collect(make_seats(), TeamNetwork(SMALL).eval(), 5, Results())
     torch.manual_seed(3)
     has_ended = torch.rand(experience.has_ended.shape) < 0.3
     experience = replace(experience, reward=torch.randn(has_ended.shape), gain=torch.randn(has_ended.shape), has_ended=has_ended)
@@ -99,7 +99,7 @@ def test_advantages_are_discounted_surprises_and_stop_where_a_match_ends() -> No
 
 def test_both_sides_of_self_play_earn_opposite_rewards() -> None:
     settings = replace(SETTINGS, opponents={"self": 1.0}, games=24)
-    experience = collect(make_player(settings), TeamNetwork(SMALL).eval(), 120, Results())
+    experience = collect(make_seats(settings), TeamNetwork(SMALL).eval(), 120, Results())
 
     assert torch.equal(experience.reward[:, :24], -experience.reward[:, 24:])
     assert torch.equal(experience.gain[:, :24], -experience.gain[:, 24:])
@@ -115,35 +115,35 @@ def advantageous(experience: Experience, action: int) -> Experience:
 
 
 def test_ppo_learns_what_pays() -> None:
-    player, learner, generator = (
-        make_player(),
+    seats, learner, generator = (
+        make_seats(),
         make_learner(replace(SETTINGS, target_kl=10.0, minibatch=12)),
         torch.Generator().manual_seed(0),
     )
     shares = []
     for _ in range(12):
-        experience = collect(player, learner.network.eval(), 6, Results())
+        experience = collect(seats, learner.network.eval(), 6, Results())
         chosen = experience.actions[(experience.alive > 0) & (experience.legal[..., 3] > 0)]
         shares.append(float((chosen == 3).float().mean()))
-        learner.learn(advantageous(experience, 3), player.n_walkers, replace(FULL, rate=5e-3), generator)
+        learner.learn(advantageous(experience, 3), seats.n_walkers, replace(FULL, rate=5e-3), generator)
 
     assert np.mean(shares[-2:]) > np.mean(shares[:2]) + 0.2
 
 
 def test_while_the_critic_warms_up_the_policy_stays() -> None:
-    player, learner = make_player(), make_learner()
+    seats, learner = make_seats(), make_learner()
     before = {name: one.clone() for name, one in learner.network.state_dict().items()}
     judged = learner.critic.out.bias.clone()
-    experience = advantageous(collect(player, learner.network.eval(), 6, Results()), 3)
-    learner.learn(experience, player.n_walkers, replace(FULL, is_critic_only=True), torch.Generator().manual_seed(0))
+    experience = advantageous(collect(seats, learner.network.eval(), 6, Results()), 3)
+    learner.learn(experience, seats.n_walkers, replace(FULL, is_critic_only=True), torch.Generator().manual_seed(0))
 
     assert all(torch.equal(before[name], one) for name, one in learner.network.state_dict().items())
     assert not torch.equal(judged, learner.critic.out.bias)
 
 
 def test_a_gradient_that_is_not_finite_stops_the_run_before_it_spoils_the_weights() -> None:
-    player, learner = make_player(), make_learner()
-    experience = collect(player, learner.network.eval(), 6, Results())
+    seats, learner = make_seats(), make_learner()
+    experience = collect(seats, learner.network.eval(), 6, Results())
     with pytest.raises(TrainingError, match="not finite"):
         learner.learn(replace(experience, reward=experience.reward + torch.nan), 4, FULL, torch.Generator().manual_seed(0))
 
@@ -153,24 +153,24 @@ def test_a_gradient_that_is_not_finite_stops_the_run_before_it_spoils_the_weight
 
 def test_cloning_brings_the_learner_to_agree_with_the_script() -> None:
     settings = replace(SETTINGS, games=24, opponents={"self": 1.0}, clone_minibatch=64)
-    player, learner, generator = make_player(settings), make_learner(settings), torch.Generator().manual_seed(0)
-    teacher = Teacher("rush", player)
+    seats, learner, generator = make_seats(settings), make_learner(settings), torch.Generator().manual_seed(0)
+    teacher = Teacher("rush", seats)
     agreed = []
     for _ in range(12):
-        lesson = attend(player, teacher, learner.network.eval(), 6, 0.0, np.random.default_rng(0))
-        agreed.append(study(learner, lesson, player.n_walkers, 5e-3, generator)["agreed"])
+        lesson = collect_lesson(seats, teacher, learner.network.eval(), 6, 0.0, np.random.default_rng(0))
+        agreed.append(learn_lesson(learner, lesson, seats.n_walkers, 5e-3, generator)["agreed"])
 
     assert agreed[-1] > 0.45 > 0.35 > agreed[0]
 
 
 def test_what_was_scored_while_cloning_is_not_earned_again() -> None:
     settings = replace(SETTINGS, games=24, opponents={"rush": 1.0})
-    player = make_player(settings)
+    seats = make_seats(settings)
     network = TeamNetwork(SMALL).eval()
-    attend(player, Teacher("fighter", player), network, 30, 0.0, np.random.default_rng(0))
-    before = player.env.games.state.field[:, StateField.SCORE].copy()
-    experience = collect(player, network, 1, Results())
-    after = player.env.games.state.field[:, StateField.SCORE]
+    collect_lesson(seats, Teacher("fighter", seats), network, 30, 0.0, np.random.default_rng(0))
+    before = seats.env.games.state.field[:, StateField.SCORE].copy()
+    experience = collect(seats, network, 1, Results())
+    after = seats.env.games.state.field[:, StateField.SCORE]
 
     assert before.any()
     goes_on = ~experience.has_ended[0].numpy()
@@ -212,9 +212,9 @@ def rows_of(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def start_run(folder: RunFolder, budget: Budget, stop_after: int = 10**9) -> Run:
+def start_run(folder: RunFolder, budget: Budget, stop_after: int = 10**9) -> PpoRun:
     asked = iter(range(10**9))
-    run = Run(folder, SETTINGS, "clone:rush", budget, Processes(), lambda *_: None)
+    run = PpoRun(folder, SETTINGS, "clone:rush", budget, Processes(), lambda *_: None)
     run.train(lambda: next(asked) >= stop_after)
     return run
 
@@ -228,7 +228,7 @@ def test_a_run_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     kept = first.learner.network.state_dict()
     folder.add_metrics({"step": first.counts.step + 1, "stage": "ppo"})  # of a rollout that a kill took away
 
-    second = Run(folder, SETTINGS, "clone:rush", Budget(samples=700), Processes(), lambda *_: None)
+    second = PpoRun(folder, SETTINGS, "clone:rush", Budget(samples=700), Processes(), lambda *_: None)
     assert all(torch.equal(kept[name], one) for name, one in second.learner.network.state_dict().items())
     assert second.train(lambda: False)
 
@@ -244,7 +244,7 @@ def test_other_rulesets_get_their_share_of_lessons_and_rollouts(tmp_path: Path) 
     folder = RunFolder(tmp_path / "run")
     folder.create({})
     settings = replace(SETTINGS, also={"exp1": 0.5}, clone_samples=200)
-    run = Run(folder, settings, "clone:rush", Budget(samples=900), Processes(), lambda *_: None)
+    run = PpoRun(folder, settings, "clone:rush", Budget(samples=900), Processes(), lambda *_: None)
     run.train(lambda: False)
 
     rows = rows_of(folder.path)
@@ -263,23 +263,25 @@ def test_a_checkpoint_is_taught_by_another_teacher_under_each_ruleset(tmp_path: 
     settings = replace(SETTINGS, also={"exp1": 0.5}, teachers={"paper": file, "exp1": "rush"})
     taught = RunFolder(tmp_path / "taught")
     taught.create({})
-    run = Run(taught, settings, file, Budget(samples=60), Processes(), lambda *_: None)
+    run = PpoRun(taught, settings, file, Budget(samples=60), Processes(), lambda *_: None)
     run.train(lambda: False)
 
     assert {row["stage"] for row in rows_of(taught.path)} == {"clone"}
     assert {row["rules"] for row in rows_of(taught.path)} == {"paper", "exp1"}
     with pytest.raises(InputError, match="nobody for exp1"):
-        Run(RunFolder(tmp_path / "x"), replace(settings, teachers={"paper": file}), file, Budget(samples=1), Processes(), print)
+        PpoRun(
+            RunFolder(tmp_path / "x"), replace(settings, teachers={"paper": file}), file, Budget(samples=1), Processes(), print
+        )
 
 
 def test_where_red_has_no_units_the_learner_meets_nobody() -> None:
     torch.manual_seed(0)
     exp1 = load_rules("exp1").with_({"tick_limit": 12})
-    player = Player(BatchedEnv(exp1, 4, seed=1), Opponents(exp1, SETTINGS.opponents, 0, 4, TeamNetwork(SMALL)))
+    seats = LearnerSeats(BatchedEnv(exp1, 4, seed=1), Opponents(exp1, SETTINGS.opponents, 0, 4, TeamNetwork(SMALL)))
     results = Results()
-    experience = collect(player, TeamNetwork(SMALL), 30, results)
+    experience = collect(seats, TeamNetwork(SMALL), 30, results)
 
-    assert player.n_seats == 4
+    assert seats.n_seats == 4
     assert list(results.points) == ["nobody"]
     assert (experience.reward >= 0).all()
     assert len(results.points["nobody"]) == int(experience.has_ended.sum()) >= 8
@@ -307,27 +309,27 @@ def test_a_start_of_another_ruleset_or_shape_is_refused(tmp_path: Path) -> None:
         (replace(SETTINGS, channels=16), "settings ask for"),
     ):
         with pytest.raises(InputError, match=reason):
-            Run(RunFolder(tmp_path / "other"), settings, file, Budget(samples=1), Processes(), lambda *_: None)
+            PpoRun(RunFolder(tmp_path / "other"), settings, file, Budget(samples=1), Processes(), lambda *_: None)
 
 
 def test_settings_name_what_is_wrong() -> None:
-    assert Settings().with_(["also.exp1=0.25", "also.exp2=0.25"]).shares() == {"paper": 0.5, "exp1": 0.25, "exp2": 0.25}
+    assert PpoSettings().with_(["also.exp1=0.25", "also.exp2=0.25"]).shares() == {"paper": 0.5, "exp1": 0.25, "exp2": 0.25}
     for also in ("also.exp1=1", "also.paper=0.1", "also.exp1=-0.1"):
         with pytest.raises(InputError, match="other rulesets"):
-            Settings().with_([also])
+            PpoSettings().with_([also])
     with pytest.raises(InputError, match="teachers names exp3; the run's rulesets are paper"):
-        Settings().with_(["teachers.exp3='rush'"])
+        PpoSettings().with_(["teachers.exp3='rush'"])
     with pytest.raises(InputError, match="fighters by ruleset"):
-        Settings().with_(["teachers='rush'"])
+        PpoSettings().with_(["teachers='rush'"])
     for shares in ("also=0.1", "opponents=1", 'opponents.rush="high"'):
         with pytest.raises(InputError, match="shares by name"):
-            Settings().with_([shares])
-    assert Settings().with_(["games=64", "opponents.rush=0.5", "opponents.roomba=0"]).opponents["rush"] == 0.5
-    assert "roomba" not in Settings().with_(["opponents.roomba=0"]).opponents
+            PpoSettings().with_([shares])
+    assert PpoSettings().with_(["games=64", "opponents.rush=0.5", "opponents.roomba=0"]).opponents["rush"] == 0.5
+    assert "roomba" not in PpoSettings().with_(["opponents.roomba=0"]).opponents
     with pytest.raises(UnknownNameError, match="gamma"):
-        Settings().with_(["gama=0.9"])
+        PpoSettings().with_(["gama=0.9"])
     with pytest.raises(InputError, match="games"):
-        Settings().with_(["games=0"])
+        PpoSettings().with_(["games=0"])
     with pytest.raises(InputError, match="number"):
         from_dict({"gamma": "much"})
 
@@ -336,7 +338,7 @@ RANKS = """
 import sys
 import torch
 sys.path.append({folder!r})
-from test_training import FULL, PAPER, SETTINGS, SMALL, Results, collect, make_learner, make_player, replace
+from test_training import FULL, PAPER, SETTINGS, SMALL, Results, collect, make_learner, make_seats, replace
 from tournaments.cli import main
 from policies.training.parallel import join_processes
 
@@ -345,7 +347,7 @@ settings = replace(SETTINGS, opponents={{"rush": 1.0}})
 def gradients(processes, first, n):
     learner = make_learner(settings)
     learner.processes, learner.step = processes, lambda: processes.average_gradients(learner.parameters)
-    experience = collect(make_player(settings, first_row=first, n_rows=n), learner.network.eval(), 6, Results())
+    experience = collect(make_seats(settings, first_row=first, n_rows=n), learner.network.eval(), 6, Results())
     learner.learn(experience, 4, FULL, torch.Generator().manual_seed(0))
     return torch.cat([one.grad.flatten() for one in learner.parameters if one.grad is not None])
 
@@ -385,9 +387,9 @@ def test_two_processes_have_the_gradient_of_one_and_train_one_network(tmp_path: 
 
 def test_colours_are_learned_from_alike() -> None:
     """Red's seats of self-play see themselves as own: as many own units on foot as blue's."""
-    player = make_player(replace(SETTINGS, opponents={"self": 1.0}))
-    experience = collect(player, TeamNetwork(SMALL).eval(), 1, Results())
+    seats = make_seats(replace(SETTINGS, opponents={"self": 1.0}))
+    experience = collect(seats, TeamNetwork(SMALL).eval(), 1, Results())
 
     assert experience.planes.shape[1] == 16
-    assert player.env.games.n_units[Team.RED] == player.n_units
+    assert seats.env.games.n_units[Team.RED] == seats.n_units
     assert (experience.alive == 1).all()

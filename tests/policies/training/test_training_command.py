@@ -16,10 +16,10 @@ import torch
 from benchmarks import train as benchmark
 from policies.training.budget import Budget
 from policies.training.folder import METRICS, RunFolder
-from policies.training.methods import Order, make_run, read_order
+from policies.training.methods import RunConfig, make_run, read_config
 from policies.training.parallel import Processes
+from policies.training.ppo_settings import PpoSettings
 from policies.training.reinforce_settings import ReinforceSettings
-from policies.training.settings import Settings
 
 torch.set_num_threads(1)
 FOUR_ROUNDS = ("--method", "reinforce", "--episodes", 8, "--set", "window=7", "--set", "batch=20", "--set", "update_every=2")
@@ -84,14 +84,14 @@ def test_the_cost_of_a_view_is_that_of_table_5() -> None:
     assert benchmark.flops_per_view() == counted
 
 
-@pytest.mark.parametrize("settings", [Settings(games=7), ReinforceSettings(reward="stream")])
-def test_an_order_comes_back_from_the_folder_as_it_was_given(tmp_path: Path, settings: Settings | ReinforceSettings) -> None:
-    method = "ppo" if isinstance(settings, Settings) else "reinforce"
-    order = Order(method=method, start="x.safetensors", budget=Budget(minutes=3.0), settings=settings)
+@pytest.mark.parametrize("settings", [PpoSettings(games=7), ReinforceSettings(reward="stream")])
+def test_an_order_comes_back_from_the_folder_as_it_was_given(tmp_path: Path, settings: PpoSettings | ReinforceSettings) -> None:
+    method = "ppo" if isinstance(settings, PpoSettings) else "reinforce"
+    config = RunConfig(method=method, start="x.safetensors", budget=Budget(minutes=3.0), settings=settings)
     folder = RunFolder(tmp_path / "run")
-    folder.create(order.to_dict())
+    folder.create(config.to_dict())
 
-    assert read_order(folder.read_settings()) == order
+    assert read_config(folder.read_settings()) == config
 
 
 @pytest.fixture
@@ -109,14 +109,14 @@ def test_both_methods_learn_to_fetch_a_flag_that_nobody_guards(easy: str, tmp_pa
         rules=easy, window=16, rate=4e-4, update_every=32, batch=500, buffer=2_000, reward="differences", baseline="mean",
         normalise=True, discount_steps=False, importance=2.0, entropy=0.05,
     )  # fmt: skip
-    easy_team = Settings(
+    easy_team = PpoSettings(
         rules=easy, channels=16, blocks=1, games=64, horizon=16, minibatch=256, critic_warmup=2, opponents={"random": 1.0}
     )
     settings = easy_paper if method == "reinforce" else easy_team
     folder = RunFolder(tmp_path / "run")
-    order = Order(method=method, start="", budget=Budget(samples=120_000), settings=settings)
-    folder.create(order.to_dict())
-    make_run(order, folder, Processes(), lambda *_: None, "cpu").train(lambda: False)
+    config = RunConfig(method=method, start="", budget=Budget(samples=120_000), settings=settings)
+    folder.create(config.to_dict())
+    make_run(config, folder, Processes(), lambda *_: None, "cpu").train(lambda: False)
     with (folder.path / METRICS).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))[-10:]
     # Nobody can lose here: what is no capture is a draw.

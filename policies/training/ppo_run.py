@@ -29,15 +29,15 @@ from policies.training.folder import LAST, START, STEP, RunFolder
 from policies.training.opponents import BEST, PAST, Opponents, Pool, assign
 from policies.training.parallel import Processes
 from policies.training.ppo import Learner, Schedule
-from policies.training.record import Record, Tell
-from policies.training.rollout import Player, Results, collect
-from policies.training.settings import Settings
+from policies.training.ppo_settings import PpoSettings
+from policies.training.record import Record, ReportProgress
+from policies.training.rollout import LearnerSeats, Results, collect
 
 CLONE = "clone:"
-_FACTS = (
+_LEARNING = (
     "clone_loss", "agreed", "policy_loss", "value_loss", "entropy", "kl", "clipped", "explained", "steps", "rate", "played_share",
 )  # fmt: skip
-"""Columns of the metrics that tell how learning went."""
+"""Columns of the metrics about learning."""
 _WINDOW = 0.05
 """Weight of the newest rollout in the running scores that metrics and progress show."""
 
@@ -57,7 +57,7 @@ class Counts:
     sittings: int = 0
 
 
-def schedule(settings: Settings, progress: float, rollouts: int) -> Schedule:
+def schedule(settings: PpoSettings, progress: float, rollouts: int) -> Schedule:
     """Return what holds at a point of the run; `progress` is that of PPO, from 0 to 1."""
     cosine = 0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))
     return Schedule(
@@ -68,22 +68,22 @@ def schedule(settings: Settings, progress: float, rollouts: int) -> Schedule:
     )
 
 
-class Run:
+class PpoRun:
     """One run in one process of perhaps several.
 
     Parameters
     ----------
     start
         `clone:FIGHTER`, a checkpoint's file, or nothing.
-    tell
-        Is called after each step.
+    report
+        Called after each step.
     """
 
     def __init__(
-        self, folder: RunFolder, settings: Settings, start: str, budget: Budget, processes: Processes, tell: Tell
+        self, folder: RunFolder, settings: PpoSettings, start: str, budget: Budget, processes: Processes, report: ReportProgress
     ) -> None:
-        self.folder, self.settings, self.start, self.budget, self.processes, self._tell = (
-            folder, settings, start, budget, processes, tell,
+        self.folder, self.settings, self.start, self.budget, self.processes, self._report = (
+            folder, settings, start, budget, processes, report,
         )  # fmt: skip
         self.ruleset: Ruleset = load_rules(settings.rules)
         self._rulesets = {name: load_rules(name) for name in settings.shares()}
@@ -106,10 +106,10 @@ class Run:
 
     def train(self, should_stop: Callable[[], bool]) -> bool:
         """Go on until the budget is used up, or `should_stop` says so; then save. Return whether the budget is used up."""
-        self._players = {name: self._seat(ruleset) for name, ruleset in self._rulesets.items()}
+        self._seats = {name: self._seat(ruleset) for name, ruleset in self._rulesets.items()}
         self._generator = torch.Generator().manual_seed(self.settings.seed + self.processes.rank + 977 * self.counts.sittings)
         self._rng = np.random.default_rng([self.settings.seed, self.processes.rank, self.counts.sittings])
-        self._record = Record(self.folder, self.processes, self._tell)
+        self._record = Record(self.folder, self.processes, self._report)
         if self._teachers and self.counts.cloned < self.settings.clone_samples:
             self._clone(should_stop)
         self._meet_selves()
@@ -118,10 +118,10 @@ class Run:
         self.save()
         return self.progress >= 1
 
-    def _seat(self, ruleset: Ruleset) -> Player:
+    def _seat(self, ruleset: Ruleset) -> LearnerSeats:
         first_row, n_rows = self.processes.share(self.settings.games)
         env = BatchedEnv(ruleset, n_rows, seed=self.settings.seed * 1_000_003 + self.counts.sittings, first_row=first_row)
-        return Player(env, Opponents(ruleset, self.settings.opponents, first_row, n_rows, self.learner.network))
+        return LearnerSeats(env, Opponents(ruleset, self.settings.opponents, first_row, n_rows, self.learner.network))
 
     def _rules_now(self) -> str:
         """Return the ruleset whose turn it is: the one that is furthest behind its share."""
@@ -163,15 +163,15 @@ class Run:
             self.folder.cut_metrics(self.counts.step)
 
     def _clone(self, should_stop: Callable[[], bool]) -> None:
-        teachers = {rules: Teacher(self._teachers[rules], player) for rules, player in self._players.items()}
+        teachers = {rules: Teacher(self._teachers[rules], seats) for rules, seats in self._seats.items()}
         while self.counts.cloned < self.settings.clone_samples:
             if self._agree(should_stop()) or self.progress >= 1:
                 return
             part = self.counts.cloned / self.settings.clone_samples
             rules = self._rules_now()
-            n, facts = clone(self._players[rules], teachers[rules], self.learner, part, self._rng, self._generator)
+            n, metrics = clone(self._seats[rules], teachers[rules], self.learner, part, self._rng, self._generator)
             self.counts.cloned += n * self.processes.n
-            self._note("clone", rules, n, facts, Results())
+            self._note("clone", rules, n, metrics, Results())
         self.learner.network.load_state_dict(self.learner.average)
         self.learner.optimiser = torch.optim.Adam(self.learner.parameters, lr=self.settings.rate, eps=1e-5)
         self.pool = Pool(self.learner.average, gate_matches=self.settings.gate_matches, gate_score=self.settings.gate_score)
@@ -182,12 +182,12 @@ class Run:
     def _improve(self) -> None:
         """Play a rollout, learn from it, and see whether the best self is to be replaced."""
         rules, results, start_s = self._rules_now(), Results(), time.monotonic()
-        player = self._players[rules]
+        seats = self._seats[rules]
         now = schedule(self.settings, self._ppo_progress(), self.counts.rollouts)
-        experience = collect(player, as_bf16(self.learner.network), self.settings.horizon, results)
+        experience = collect(seats, as_bf16(self.learner.network), self.settings.horizon, results)
         played_s = time.monotonic() - start_s
-        facts = self.learner.learn(experience, player.n_walkers, now, self._generator)
-        facts |= {"rate": now.rate, "played_share": played_s / (time.monotonic() - start_s)}
+        metrics = self.learner.learn(experience, seats.n_walkers, now, self._generator)
+        metrics |= {"rate": now.rate, "played_share": played_s / (time.monotonic() - start_s)}
         n = experience.reward.numel()
         self.counts.samples += n * self.processes.n
         self.counts.rollouts += 1
@@ -199,7 +199,7 @@ class Run:
             self.pool.note_past(past, against_past)
         if self.pool.try_gate(self.learner.average) or self.counts.rollouts % 8 == 0:
             self._meet_selves()
-        self._note("ppo", rules, n, facts, results)
+        self._note("ppo", rules, n, metrics, results)
 
     def _ppo_progress(self) -> float:
         """How much of what cloning left of the budget is used up."""
@@ -212,12 +212,12 @@ class Run:
 
     def _meet_selves(self) -> None:
         self._past = min(self.pool.draw_past(self._rng), len(self.pool.selves) - 1)
-        for player in self._players.values():
-            player.opponents.use(BEST, self.pool.best, self.learner.network)
-            player.opponents.use(PAST, self.pool.selves[self._past], self.learner.network)
+        for seats in self._seats.values():
+            seats.opponents.use(BEST, self.pool.best, self.learner.network)
+            seats.opponents.use(PAST, self.pool.selves[self._past], self.learner.network)
 
-    def _note(self, stage: str, rules: str, n: int, facts: dict[str, float], results: Results) -> None:
-        """Count, write the metrics, save if it is time, and tell."""
+    def _note(self, stage: str, rules: str, n: int, metrics: dict[str, float], results: Results) -> None:
+        """Count, write the metrics, save if it is time, and report."""
         took_s = self._record.lap()
         self.counts.step += 1
         self.counts.seconds += took_s
@@ -233,17 +233,17 @@ class Run:
             "samples": self.counts.samples, "per_s": per_s, "selves": len(self.pool.selves),
             "ticks": float(np.mean(results.ticks)) if results.ticks else math.nan,
         }  # fmt: skip
-        row |= {name: facts.get(name, math.nan) for name in _FACTS}
+        row |= {name: metrics.get(name, math.nan) for name in _LEARNING}
         met = sorted([*self.settings.opponents, *self.settings.also])
         row |= {f"score_{name}": self.scores.get(name, math.nan) for name in met}
         self._record.add(row, self.counts.cloned + self.counts.samples)
         if self._record.is_save_due():
             self.save()
-        self._record.tell(self.progress, self.counts.seconds, self._describe(stage, per_s, facts))
+        self._record.report(self.progress, self.counts.seconds, self._describe(stage, per_s, metrics))
 
-    def _describe(self, stage: str, per_s: float, facts: Mapping[str, float]) -> str:
+    def _describe(self, stage: str, per_s: float, metrics: Mapping[str, float]) -> str:
         if stage == "clone":
-            how = f"agrees with the script in {facts['agreed']:.2f}"
+            how = f"agrees with the script in {metrics['agreed']:.2f}"
         else:
             how = "score " + ", ".join(f"{name} {score:.2f}" for name, score in sorted(self.scores.items()))
         return f"{stage} {self.counts.cloned + self.counts.samples:,} samples, {per_s:,.0f} per s; {how}"
@@ -257,7 +257,7 @@ class Run:
         return self.processes.share_first(mine)
 
 
-def _teachers(start: str, settings: Settings) -> dict[str, str]:
+def _teachers(start: str, settings: PpoSettings) -> dict[str, str]:
     """Return who is cloned under each ruleset; nobody, where the run begins without cloning."""
     rulesets, named = settings.shares(), settings.teachers
     if start.startswith(CLONE):
