@@ -11,8 +11,9 @@ from arena.game.draw import draw
 from arena.game.fight import fight, judge
 from arena.game.fog import see, spot
 from arena.game.move import move
+from arena.game.observation import Seen
 from arena.game.philox import Purpose, philox
-from arena.game.state import Rule, Seen, Shape, State, StateField, Tables
+from arena.game.state import Rule, Shape, State, StateField, Tables
 from arena.game.types import Termination
 from arena.jit import jit
 

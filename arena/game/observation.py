@@ -203,13 +203,17 @@ FIELDS = _read_specs()
 _NUMBERS = [field.name for field in fields(Observation) if field.name in FIELDS and field.name != "ground"]
 """Fields that `Observation` has under the same name, as a number or a tuple of them."""
 _OF_KERNEL = [name for name, spec in FIELDS.items() if spec.is_of_kernel]
-Seen = namedtuple("Seen", _OF_KERNEL)  # type: ignore[misc]  # mypy wants the names spelled out
-"""The fields that the kernel writes, as arrays."""
+_KernelFields: Any = namedtuple("_KernelFields", _OF_KERNEL)
+if TYPE_CHECKING:
+    Seen = Observations
+else:
+    Seen = _KernelFields
+"""The fields that the kernel writes, as arrays; typed as what it shares them with, so that none is spelled out again."""
 
 
 def make_seen(ruleset: Ruleset, team: Team, n_games: int) -> Any:
     """Return memory for what the kernel writes, nobody in sight."""
-    return Seen(*(_blank(name, ruleset, team, n_games) for name in _OF_KERNEL))
+    return _KernelFields(*(_blank(name, ruleset, team, n_games) for name in _OF_KERNEL))
 
 
 def _blank(name: str, ruleset: Ruleset, team: Team, n_seats: int) -> NDArray[Any]:
