@@ -203,7 +203,7 @@ FIELDS = _read_specs()
 _NUMBERS = [field.name for field in fields(Observation) if field.name in FIELDS and field.name != "ground"]
 """Fields that `Observation` has under the same name, as a number or a tuple of them."""
 _OF_KERNEL = [name for name, spec in FIELDS.items() if spec.is_of_kernel]
-_KernelFields: Any = namedtuple("_KernelFields", _OF_KERNEL)
+_KernelFields: Any = namedtuple("_KernelFields", _OF_KERNEL)  # type: ignore[misc]  # mypy wants the names spelled out
 if TYPE_CHECKING:
     Seen = Observations
 else:
