@@ -35,7 +35,13 @@ def verify_journals(
         print_table(
             ("journal", "ok", "ticks", "signed", "canonical hash, or what is wrong"),
             [
-                (check["file"], check["ok"], check["ticks"], _tell(check["seals"]), check.get("error") or check["canonical_hash"])
+                (
+                    check["file"],
+                    check["ok"],
+                    check["ticks"],
+                    _format_signatures(check["seals"]),
+                    check.get("error") or check["canonical_hash"],
+                )
                 for check in shown
             ],
         )
@@ -74,7 +80,7 @@ def _check(path: Path, transcript: Path | None) -> dict[str, Any]:
         return facts | {"error": str(error)}
 
 
-def _tell(seals: dict[str, Any] | None) -> str:
+def _format_signatures(seals: dict[str, Any] | None) -> str:
     """Return a cell on who signed."""
     if seals is None:
         return "by nobody: local"
@@ -133,7 +139,7 @@ def export_match(
     and remembered.
     """
     from arena.console import progress_bar
-    from arena.display.image import count_ticks, draw, read_scenes, save_gif, save_png
+    from arena.display.image import count_ticks, draw, read_frames, save_gif, save_png
 
     if as_gif == as_png:
         raise InputError("say either --gif, for every tick, or --png, for one")
@@ -146,14 +152,14 @@ def export_match(
         raise InputError(f"--tick is {tick}; the match has {f'ticks 0 to {last}' if last >= 0 else 'no ticks'}")
     chosen = last if tick is None else tick
     target = out or Path(file.with_suffix(".gif" if as_gif else ".png").name)
-    scenes = read_scenes(file, team)
+    frames = read_frames(file, team)
     if as_png:
-        save_png(draw(next(islice(scenes, chosen, None)), cell), target)
+        save_png(draw(next(islice(frames, chosen, None)), cell), target)
     else:
         with progress_bar(last + 1, "drawing", each="ticks") as advance:
             images = []
-            for scene in scenes:
-                images.append(draw(scene, cell))
+            for frame in frames:
+                images.append(draw(frame, cell))
                 advance(1)
         save_gif(images, target, speed)
     typer.echo(f"{target}: {'1 tick' if as_png else f'{last + 1} ticks'}, {target.stat().st_size / 1000:,.0f} kB")

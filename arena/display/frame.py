@@ -1,6 +1,6 @@
 """One tick as those get it who draw it elsewhere: a web page, or another program. Plain data that JSON can hold.
 
-Whoever has the true state makes the same scene of it as a spectator who was only sent it, so that one page draws both.
+Whoever has the true state makes the same frame of it as a spectator who was only sent it, so that one page draws both.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""A match as pictures, for papers and talks: the two boards of the paper's Figure 2, and beside the facts what just happened.
+"""A match as pictures, for papers and talks: the two boards of the paper's Figure 2, and beside the caption what just happened.
 
 Teams differ in colour and in shape: blue's units are round, red's are square, those that fly are hollow. Blue and orange are
 told apart by the colour-blind, and the shapes in print.
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from arena.display.text import Memory
+from arena.display.text import GroundMemory
 from arena.errors import InputError
 from arena.game.engine import BatchedGame
 from arena.game.observation import OwnUnit
@@ -42,11 +42,11 @@ _MEMORY = 0.45
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Scene:
+class ImageFrame:
     """What one picture shows."""
 
     title: str
-    facts: str
+    caption: str
     boards: tuple[tuple[str, Grid], tuple[str, Grid]]
     """The label of each board, and its cells in the codes of Table 2."""
     faded: NDArray[np.bool_] | None = None
@@ -64,8 +64,8 @@ def count_ticks(path: Path) -> int:
     return len(load_transcript(path).ticks) - 1 if is_transcript(path) else len(load_journal(path).ticks)
 
 
-def read_scenes(path: Path, team: str | None) -> Iterator[Scene]:
-    """Return the scene of every tick of a journal or a transcript.
+def read_frames(path: Path, team: str | None) -> Iterator[ImageFrame]:
+    """Return the frame of every tick of a journal or a transcript.
 
     Raises
     ------
@@ -79,14 +79,14 @@ def read_scenes(path: Path, team: str | None) -> Iterator[Scene]:
     return _of_transcript(path)
 
 
-def _of_journal(path: Path, team: Team) -> Iterator[Scene]:
+def _of_journal(path: Path, team: Team) -> Iterator[ImageFrame]:
     journal = load_journal(path)
     header, limit = journal.header, journal.header.ruleset.tick_limit
     for games in replay(journal):
         field, events = games.state.field[0], games.events
-        yield Scene(
+        yield ImageFrame(
             title=f"blue {header.blue} against red {header.red}",
-            facts=f"tick {field[StateField.TICK]} of {limit}   score {field[StateField.SCORE]:+d} for blue   "
+            caption=f"tick {field[StateField.TICK]} of {limit}   score {field[StateField.SCORE]:+d} for blue   "
             f"units {field[StateField.BLUE_LIVING]}:{field[StateField.RED_LIVING]}",
             boards=((f"what {team.name.lower()} sees", games.grids()[team, 0]), ("the truth", games.truth(0))),
             fought=_cells(games, events.fought & ~events.fell),
@@ -95,18 +95,19 @@ def _of_journal(path: Path, team: Team) -> Iterator[Scene]:
         )
 
 
-def _of_transcript(path: Path) -> Iterator[Scene]:
+def _of_transcript(path: Path) -> Iterator[ImageFrame]:
     transcript = load_transcript(path)
-    header, memory = transcript.header, Memory(transcript.header.ruleset.side)
+    header, memory = transcript.header, GroundMemory(transcript.header.ruleset.side)
     own = header.team.name.lower()
     before: tuple[OwnUnit, ...] = ()
     for seen in transcript.observations():
         known, is_faded = memory.recall(seen)
         lost = [new for old, new in zip(before, seen.units, strict=False) if old.alive and not new.alive]
         own_living, enemy_living = seen.living
-        yield Scene(
+        yield ImageFrame(
             title=f"{header.name} plays {own} against {header.opponent}",
-            facts=f"tick {seen.tick} of {header.ruleset.tick_limit}   score {seen.score:+d}   units {own_living}:{enemy_living}",
+            caption=f"tick {seen.tick} of {header.ruleset.tick_limit}   score {seen.score:+d}   "
+            f"units {own_living}:{enemy_living}",
             boards=((f"what {own} sees", seen.grid), ("and remembers", known)),
             faded=is_faded,
             fallen=frozenset((unit.row, unit.column) for unit in lost),
@@ -119,23 +120,23 @@ def _cells(games: BatchedGame, flags: NDArray[np.bool_]) -> frozenset[Cell]:
     return frozenset(divmod(cell, games.ruleset.side) for cell in games.state.cell[0, flags[0]].tolist())
 
 
-def draw(scene: Scene, cell: int) -> Image.Image:
-    """Return a scene as a picture, each cell `cell` pixels wide."""
-    side = len(scene.boards[0][1])
+def draw(frame: ImageFrame, cell: int) -> Image.Image:
+    """Return a frame as a picture, each cell `cell` pixels wide."""
+    side = len(frame.boards[0][1])
     board, gap, line = side * cell, cell, max(cell, 12)
     top = gap + 3 * line
     font, small = (ImageFont.load_default(size=line * share) for share in (0.8, 0.7))
-    legend = _wrap((*_LEGEND, _FADED) if scene.faded is not None else (*_LEGEND, *_MARKS), small, 2 * board + gap)
+    legend = _wrap((*_LEGEND, _FADED) if frame.faded is not None else (*_LEGEND, *_MARKS), small, 2 * board + gap)
     image = Image.new("RGB", (2 * board + 3 * gap, top + board + gap + len(legend) * line), _PAPER)
     pen = ImageDraw.Draw(image)
-    pen.text((gap, gap * 0.6), scene.title, fill=_INK, font=font)
-    pen.text((gap, gap * 0.6 + line), scene.facts, fill=_INK, font=font)
-    for number, (label, grid) in enumerate(scene.boards):
+    pen.text((gap, gap * 0.6), frame.title, fill=_INK, font=font)
+    pen.text((gap, gap * 0.6 + line), frame.caption, fill=_INK, font=font)
+    for number, (label, grid) in enumerate(frame.boards):
         at = gap + number * (board + gap)
         pen.text((at, gap * 0.7 + 2 * line), label, fill=_FAINT, font=font)
-        _draw_board(pen, grid, scene.faded if number else None, at, top, cell)
+        _draw_board(pen, grid, frame.faded if number else None, at, top, cell)
         if number:
-            _draw_marks(pen, scene, at, top, cell)
+            _draw_marks(pen, frame, at, top, cell)
     for number, words in enumerate(legend):
         pen.text((gap, top + board + gap * 0.3 + number * line), words, fill=_FAINT, font=small)
     return image
@@ -197,16 +198,16 @@ def _draw_piece(pen: ImageDraw.ImageDraw, code: Code, box: tuple[int, int, int, 
             pen.line((pole, top + pad, pole, bottom - pad), fill=_DARK[team], width=max(pad // 2, 1))
 
 
-def _draw_marks(pen: ImageDraw.ImageDraw, scene: Scene, left: int, top: int, cell: int) -> None:
+def _draw_marks(pen: ImageDraw.ImageDraw, frame: ImageFrame, left: int, top: int, cell: int) -> None:
     width = max(cell // 6, 2)
-    for cells in (scene.fought, scene.fallen, scene.captured):
+    for cells in (frame.fought, frame.fallen, frame.captured):
         for row, column in cells:
             box = left + column * cell - 2, top + row * cell - 2, left + (column + 1) * cell, top + (row + 1) * cell
-            if cells is scene.fallen:
+            if cells is frame.fallen:
                 pen.line(box, fill=_HIT, width=width)
                 pen.line((box[0], box[3], box[2], box[1]), fill=_HIT, width=width)
             else:
-                pen.rectangle(box, outline=_HIT if cells is scene.fought else _INK, width=width)
+                pen.rectangle(box, outline=_HIT if cells is frame.fought else _INK, width=width)
 
 
 def _blend(colour: str, towards: str) -> str:

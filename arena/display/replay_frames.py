@@ -21,7 +21,7 @@ def warm() -> None:
     warm_games(load("paper"))
 
 
-def tell_match(data: bytes) -> dict[str, Any]:
+def describe_match(data: bytes) -> dict[str, Any]:
     """Play a journal's bytes again, and return every tick of it up to the first that does not hold.
 
     Returns
@@ -39,10 +39,10 @@ def tell_match(data: bytes) -> dict[str, Any]:
     header, ending = journal.header, journal.ending
     if ending is None:
         raise JournalError("the match is not over, so its journal may not be seen")
-    told: list[dict[str, Any]] = []
+    ticks: list[dict[str, Any]] = []
     broken = None
     try:
-        told.extend(_tell(games) for games in replay(journal))
+        ticks.extend(_describe(games) for games in replay(journal))
         broken = _find_forgery(journal)
     except BrokenChainError as error:
         broken = {"tick": error.tick, "sentence": str(error)}
@@ -51,7 +51,7 @@ def tell_match(data: bytes) -> dict[str, Any]:
         "identity": header.identity,
         "names": [header.blue, header.red],
         "rules": describe_rules(header.ruleset),
-        "ticks": told,
+        "ticks": ticks,
         "ending": ending.to_dict(),
         "marks": [[int(mark) for mark in tick.marks] for tick in journal.ticks],
         "broken": broken,
@@ -68,7 +68,7 @@ def _find_forgery(journal: Journal) -> dict[str, Any] | None:
     return {"tick": len(journal.ticks), "sentence": sentence}
 
 
-def _tell(games: BatchedGame) -> dict[str, Any]:
+def _describe(games: BatchedGame) -> dict[str, Any]:
     state, side = games.state, games.ruleset.side
     field = state.field[0]
     every = [(cell // side, cell % side, bool(alive)) for cell, alive in zip(state.cell[0].tolist(), state.alive[0], strict=True)]

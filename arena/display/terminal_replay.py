@@ -9,7 +9,7 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from arena.display.text import Memory, draw_row, is_live, tell_end, tell_losses, tell_orders
+from arena.display.text import GroundMemory, draw_row, format_last_tick, format_losses, format_orders, is_live
 from arena.errors import InputError
 from arena.game.engine import BatchedGame
 from arena.game.state import StateField
@@ -33,7 +33,7 @@ def show_transcript(console: Console, file: Path, tick: int | None, speed: float
     """Show what a seat saw and remembered of every tick, or of one, and at the end what befell it."""
     transcript = load_transcript(file)
     header, seen = transcript.header, list(transcript.observations())
-    memory = Memory(header.ruleset.side)
+    memory = GroundMemory(header.ruleset.side)
 
     def draw(number: int) -> RenderableType:
         now = seen[number]
@@ -42,7 +42,7 @@ def show_transcript(console: Console, file: Path, tick: int | None, speed: float
             f"tick {number} of {header.ruleset.tick_limit}   score {now.score:+d}   units {now.living[0]}:{now.living[1]}"
             f"{'' if now.clock_s is None else f'   bank {now.clock_s:.1f} s'}"
         )
-        orders = f"orders: {tell_orders(now, transcript.ticks[number][1])}"
+        orders = f"orders: {format_orders(now, transcript.ticks[number][1])}"
         if is_live(console):  # a line each, beside boards that fill the height of a small screen
             aside, height = orders.replace(", ", "\n").replace(": ", "\n"), console.height if tick is None else None
             return memory.draw_pair(_plain(title), now, console.width, aside, height=height)
@@ -51,14 +51,14 @@ def show_transcript(console: Console, file: Path, tick: int | None, speed: float
     _play(console, map(draw, range(len(seen))), len(seen) - 1, tick, speed)
     if tick is not None:
         return
-    lines = list(tell_losses(seen))
+    lines = list(format_losses(seen))
     if transcript.ending is None:
         how = "stops" if transcript.is_whole else "was cut short"
         team = header.team.name.lower()
         lines += [f"the transcript {how} after {len(seen)} ticks, without an ending", f"unfinished as {team}"]
     else:
         result = transcript.ending
-        lines += [tell_end(seen, result), result.describe(header.team)]
+        lines += [format_last_tick(seen, result), result.describe(header.team)]
     for line in lines:
         console.print(Text(_plain(line)))
 

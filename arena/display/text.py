@@ -101,7 +101,7 @@ def is_live(console: Console) -> bool:
     return console.is_terminal and not console.is_dumb_terminal
 
 
-class Memory:
+class GroundMemory:
     """The ground as one seat saw it last, from tick to tick."""
 
     def __init__(self, side: int) -> None:
@@ -121,14 +121,14 @@ class Memory:
         return draw_row(title, boards, width, height=height, dimmed=is_hidden, aside=aside)
 
 
-def tell_orders(seen: Observation, orders: bytes) -> str:
+def format_orders(seen: Observation, orders: bytes) -> str:
     """Return what each unit was told; `orders` is a byte per unit."""
     words = {int(action): action.name.lower() for action in Action}
     told = zip(seen.units, orders, strict=True)
     return ", ".join(f"{_name(unit)} {words.get(order, 'nothing') if unit.alive else 'fallen'}" for unit, order in told)
 
 
-def tell_losses(seen: Sequence[Observation]) -> Iterator[str]:
+def format_losses(seen: Sequence[Observation]) -> Iterator[str]:
     """Yield a line for each own unit that fell, with the enemies in sight when it was last told, and one on all sightings."""
     for before, after in pairwise(seen):
         for old, new in zip(before.units, after.units, strict=True):
@@ -137,7 +137,7 @@ def tell_losses(seen: Sequence[Observation]) -> Iterator[str]:
     yield f"enemies were in sight at {_spans([one.tick for one in seen if one.enemies])}"
 
 
-def tell_end(seen: Sequence[Observation], result: "MatchResult") -> str:
+def format_last_tick(seen: Sequence[Observation], result: "MatchResult") -> str:
     """Return what the last tick changed, of which a seat is shown nothing: its last observation is of the tick before."""
     if result.ending in (Termination.FORFEIT, Termination.VOID):
         return f"the pit ruled: {result.reason or 'no reason given'}"

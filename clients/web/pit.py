@@ -47,9 +47,9 @@ class Watch:
     """The key opened a truth."""
     is_warned: bool = False
     units: Units | None = None
-    """Of the last scene."""
+    """Of the last frame."""
 
-    def tell(self, message: dict[str, Any]) -> None:
+    def send(self, message: dict[str, Any]) -> None:
         """Leave a message for the page."""
         if self.messages.full():
             self.messages.get_nowait()
@@ -91,7 +91,7 @@ class PitClient:
                 self._session, self.lobby = None, None
                 self._truths.clear()
             for watch in self._watches:
-                watch.tell({"kind": "lost", "sentence": self.trouble})
+                watch.send({"kind": "lost", "sentence": self.trouble})
             await asyncio.sleep(_EVERY_S)
 
     async def _serve(self, session: Session) -> None:
@@ -137,17 +137,17 @@ class PitClient:
         """Tell a page what is known, and hear its match's truth if it has a key; the pit makes no truth for nobody."""
         session, ruleset = self._session, self._ruleset
         if session is None or ruleset is None:
-            watch.tell({"kind": "lost", "sentence": self.trouble})
+            watch.send({"kind": "lost", "sentence": self.trouble})
             return
         watch.spectator = Spectator(self.address.pit, watch.match, ruleset, self._pit_key, watch.key)
-        watch.tell({"kind": "rules", "rules": describe_rules(ruleset)})
+        watch.send({"kind": "rules", "rules": describe_rules(ruleset)})
         if (facts := self._facts.get(watch.match)) is not None:
-            watch.tell(_describe(facts))
+            watch.send(_describe(facts))
         elif self.lobby is not None:
             for one in self.lobby.running:
                 if one["match"] == watch.match:
                     names = one["blue"], one["red"]
-                    watch.tell({"kind": "facts", "tick": one["tick"], "names": names, "living": None, "score": None})
+                    watch.send({"kind": "public", "tick": one["tick"], "names": names, "living": None, "score": None})
         if watch.key is not None and watch.match not in self._truths:
             truth = topics.truth(self.address.pit, watch.match)
             self._truths[watch.match] = session.subscribe(truth, partial(self._enqueue, True))
@@ -180,11 +180,11 @@ class PitClient:
             except ProtocolError:
                 if not watch.has_opened and not watch.is_warned:
                     watch.is_warned = True
-                    watch.tell({"kind": "wrong key", "sentence": "the truth of this match does not open with this key"})
+                    watch.send({"kind": "wrong key", "sentence": "the truth of this match does not open with this key"})
                 continue
             if frame is not None and self._ruleset is not None:
                 watch.has_opened = True
-                watch.tell(_describe_scene(watch, frame, self._ruleset))
+                watch.send(_describe_frame(watch, frame, self._ruleset))
 
     def _hear_public(self, match: str, payload: bytes) -> None:
         if self._ruleset is None:
@@ -195,28 +195,28 @@ class PitClient:
         if frame.ended is not None and all(one["match"] != match for one in self.results):
             before = self._facts.pop(match, None)
             names = None if before is None else before.names
-            self.results.appendleft({"match": match, "names": names} | _tell_ending(frame))
+            self.results.appendleft({"match": match, "names": names} | _describe_ending(frame))
         elif frame.ended is None and (match in self._facts or len(self._facts) < _MOST_MATCHES):
             self._facts[match] = frame
         for watch in [one for one in self._watches if one.match == match]:
-            watch.tell(_describe(frame))
+            watch.send(_describe(frame))
 
 
 def _describe(frame: Frame) -> dict[str, Any]:
     """Return a frame as what a page is sent."""
     if frame.ended is not None:
-        return {"kind": "ended", "ending": _tell_ending(frame)}
-    return {"kind": "facts", "tick": frame.tick, "names": frame.names, "living": frame.living, "score": frame.score}
+        return {"kind": "ended", "ending": _describe_ending(frame)}
+    return {"kind": "public", "tick": frame.tick, "names": frame.names, "living": frame.living, "score": frame.score}
 
 
-def _describe_scene(watch: Watch, frame: Frame, ruleset: Ruleset) -> dict[str, Any]:
+def _describe_frame(watch: Watch, frame: Frame, ruleset: Ruleset) -> dict[str, Any]:
     """Return an opened truth as what a page is sent."""
     assert frame.truth is not None
     assert frame.seen is not None
     assert frame.units is not None
     before, units = watch.units, [[(unit.row, unit.column, unit.alive) for unit in team] for team in frame.units]
     watch.units = units
-    scene = describe_tick(
+    frame_data = describe_tick(
         frame.tick,
         score=frame.score,
         living=frame.living or (0, 0),
@@ -225,10 +225,10 @@ def _describe_scene(watch: Watch, frame: Frame, ruleset: Ruleset) -> dict[str, A
         units=units,
         events=find_events(ruleset, before, units),
     )
-    return {"kind": "scene", **scene}
+    return {"kind": "frame", **frame_data}
 
 
-def _tell_ending(frame: Frame) -> dict[str, Any]:
+def _describe_ending(frame: Frame) -> dict[str, Any]:
     ended = frame.ended
     assert ended is not None
     return {

@@ -43,23 +43,23 @@ class Wish:
     invite: str = ""
 
 
-class Player:
+class BrowserSeat:
     """One person, in one match."""
 
     def __init__(self, wish: Wish, settings: ClientSettings, opponent: ClientSettings | None) -> None:
         self.token = secrets.token_urlsafe(_TOKEN_BYTES)
         """Known to the page that asked for the seat, and to no other."""
         self.wish = wish
-        self.desk = TurnMailbox()
+        self.mailbox = TurnMailbox()
         self.is_over = False
         """Whether the runner has ended; nothing changes after that."""
         self._failure = ""
         self._verdict = ""
         self._pages: set[Callable[[], None]] = set()
-        self.desk.on_change = self._on_change
-        own = replace(settings, make=self.desk.make, is_patient=True, n_matches=1, on_audit=self._hear_verdict)
-        self._runner = Runner(own, on_seat=self.desk.on_seat, on_end=lambda _: None, on_wait=self.desk.on_wait)
-        self.desk.wake = self._runner.wake
+        self.mailbox.on_change = self._on_change
+        own = replace(settings, make=self.mailbox.make, is_patient=True, n_matches=1, on_audit=self._hear_verdict)
+        self._runner = Runner(own, on_seat=self.mailbox.on_seat, on_end=lambda _: None, on_wait=self.mailbox.on_wait)
+        self.mailbox.wake = self._runner.wake
         self._runners = [self._runner]
         if opponent is not None:
             self._runners.append(Runner(opponent, on_seat=_ignore, on_end=_ignore, on_wait=_ignore))
@@ -71,19 +71,19 @@ class Player:
     def watch(self, loop: asyncio.AbstractEventLoop, changed: asyncio.Event) -> Iterator[None]:
         """Set an event of a loop whenever there is something new to show."""
 
-        def tell() -> None:
+        def notify() -> None:
             with suppress(RuntimeError):  # the server has ended
                 loop.call_soon_threadsafe(changed.set)
 
-        self._pages.add(tell)
+        self._pages.add(notify)
         try:
             yield
         finally:
-            self._pages.discard(tell)
+            self._pages.discard(notify)
 
     def _on_change(self) -> None:
-        for tell in list(self._pages):
-            tell()
+        for notify in list(self._pages):
+            notify()
 
     def leave(self) -> None:
         """Give the seat up; the pit waits as long for it as for any that vanished."""
@@ -95,39 +95,39 @@ class Player:
         for thread in self._threads:
             thread.join(limit_s)
 
-    def tell(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """Return all that the page shows now."""
-        desk = self.desk
-        with desk.lock:
-            picture, result = desk.view_model(), desk.result
-            told: dict[str, Any] = {
+        mailbox = self.mailbox
+        with mailbox.lock:
+            picture, result = mailbox.view_model(), mailbox.result
+            shown: dict[str, Any] = {
                 "kind": "failed" if self._failure else "over" if result else "turn" if picture else "waiting",
                 "name": self.wish.name,
-                "sentence": self._failure or desk.waiting_for,
-                "match": desk.match,
-                "opponent": desk.opponent,
-                "autopilot": desk.autopilot,
+                "sentence": self._failure or mailbox.waiting_for,
+                "match": mailbox.match,
+                "opponent": mailbox.opponent,
+                "autopilot": mailbox.autopilot,
                 "verdict": self._verdict,
-                "is_my_turn": desk.is_my_turn,
+                "is_my_turn": mailbox.is_my_turn,
             }
-            if picture is not None and desk.commander is not None:
-                told["picture"] = _describe(picture)
+            if picture is not None and mailbox.commander is not None:
+                shown["picture"] = _describe(picture)
             if result is not None:
-                told["result"] = result.to_dict()
-        return told
+                shown["result"] = result.to_dict()
+        return shown
 
     def do(self, word: Any) -> None:
         """Carry out what the page says; `InputError` if that is nothing that it can say."""
         act = _read_word(word)
         if act is None:
-            self.desk.end_turn()
+            self.mailbox.end_turn()
         else:
-            self.desk.command(act)
+            self.mailbox.command(act)
         self._on_change()
 
     def fly_by(self, autopilot: str) -> None:
         """Choose another autopilot; takes a moment, so not for the loop of the server."""
-        self.desk.set_autopilot(autopilot)
+        self.mailbox.set_autopilot(autopilot)
         self._on_change()
 
     def _run(self, runner: Runner) -> None:
@@ -154,20 +154,20 @@ def _ignore(_: object) -> None:
     """Hear what nobody needs to know."""
 
 
-class Players:
+class BrowserSeats:
     """Everyone who plays by this server.
 
     Parameters
     ----------
     settings
-        What a runner is told of an entry, by its name, its team and its invite code; `InputError` if it cannot be.
+        What a runner is shown of an entry, by its name, its team and its invite code; `InputError` if it cannot be.
     """
 
     def __init__(self, settings: Callable[[str, str, str], ClientSettings]) -> None:
         self._settings = settings
-        self._players: dict[str, Player] = {}
+        self._players: dict[str, BrowserSeat] = {}
 
-    def sit_down(self, wish: Wish) -> Player:
+    def sit_down(self, wish: Wish) -> BrowserSeat:
         """Look for a seat for a person."""
         if sum(not player.is_over for player in self._players.values()) >= MOST_PLAYERS:
             raise InputError(f"{MOST_PLAYERS} people play here already; come back when one has finished")
@@ -178,11 +178,11 @@ class Players:
             across = {"red": "blue", "blue": "red"}.get(wish.team, "any")
             across_settings = self._settings(wish.opponent, across, wish.invite)
             other = replace(across_settings, make=registry.load(wish.opponent), transcripts=None)
-        player = Player(wish, own, other)
+        player = BrowserSeat(wish, own, other)
         self._players[player.token] = player
         return player
 
-    def find(self, token: object) -> Player | None:
+    def find(self, token: object) -> BrowserSeat | None:
         """Return who was given a token."""
         return self._players.get(token) if isinstance(token, str) else None
 

@@ -22,13 +22,13 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from arena.display.replay_frames import tell_match
+from arena.display.replay_frames import describe_match
 from arena.errors import ArenaError, InputError, LostPitError
 from arena.protocol.identity import from_text
 from arena.protocol.topics import is_chunk
 from clients.web.guard import LOOPBACK, Guard
 from clients.web.pit import PitClient
-from clients.web.play import Player, Players, check_fighter, read_wish
+from clients.web.play import BrowserSeat, BrowserSeats, check_fighter, read_wish
 from clients.web.providers import Leagues
 from clients.web.routes import ASSETS, PAGES, QUESTIONS, SOCKETS, Page, render
 from policies import registry
@@ -47,7 +47,7 @@ class WebSettings:
 
     pit: PitClient
     leagues: Leagues
-    players: Players | None = None
+    players: BrowserSeats | None = None
     """None where nobody may play by this server."""
     names: tuple[str, ...] = LOOPBACK
     """By which the server may be called."""
@@ -110,7 +110,7 @@ class Handlers:
             if not is_chunk(match):
                 raise InputError("no match is called so")
             journal = await self._pit.fetch_journal(match)
-            return await asyncio.to_thread(tell_match, journal)
+            return await asyncio.to_thread(describe_match, journal)
 
         return await _answer(play_again)
 
@@ -126,7 +126,7 @@ class Handlers:
     async def league_replay(self, request: Request) -> Response:
         """Answer with a match of a league, tick by tick."""
         name, identity = (request.query_params.get(key, "") for key in ("league", "identity"))
-        return await _answer(lambda: asyncio.to_thread(lambda: tell_match(self._leagues.journal(name, identity))))
+        return await _answer(lambda: asyncio.to_thread(lambda: describe_match(self._leagues.journal(name, identity))))
 
     async def watch_match(self, socket: WebSocket) -> None:
         """Tell a page all that happens in a running match; of its boards only to one that brings the spectator key."""
@@ -163,7 +163,7 @@ class Handlers:
             await socket.send_json({"kind": "seat", "token": player.token})
             await self._serve(socket, player)
 
-    def _sit_down(self, first: Any) -> Player:
+    def _sit_down(self, first: Any) -> BrowserSeat:
         if self._players is None:
             raise InputError("nobody can play by this server; arena web on your own machine lets you")
         if not isinstance(first, dict):
@@ -173,7 +173,7 @@ class Handlers:
             raise InputError("that seat is gone; ask for another")
         return player or self._players.sit_down(read_wish(first))
 
-    async def _serve(self, socket: WebSocket, player: Player) -> None:
+    async def _serve(self, socket: WebSocket, player: BrowserSeat) -> None:
         """Show a person's turns, and take what they say."""
         changed = asyncio.Event()
         hearing = asyncio.create_task(_hear(socket, player))
@@ -181,7 +181,7 @@ class Handlers:
             try:
                 while not hearing.done():
                     changed.clear()
-                    await socket.send_json(player.tell())
+                    await socket.send_json(player.to_json())
                     waiting = asyncio.create_task(changed.wait())
                     await asyncio.wait((waiting, hearing), return_when=asyncio.FIRST_COMPLETED)
                     waiting.cancel()
@@ -202,7 +202,7 @@ class Handlers:
                 leaving.cancel()
 
 
-async def _hear(socket: WebSocket, player: Player) -> None:
+async def _hear(socket: WebSocket, player: BrowserSeat) -> None:
     """Carry out what a person says, until the page goes away or the person leaves."""
     with suppress(WebSocketDisconnect):
         while True:

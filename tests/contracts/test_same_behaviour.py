@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from arena.display.replay_frames import tell_match
+from arena.display.replay_frames import describe_match
 from arena.errors import JournalError
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import RULESETS, Ruleset
@@ -315,10 +315,10 @@ def test_a_program_is_told_the_lines_of_before(plan: Plan, small_rules: Ruleset,
 def test_a_page_is_sent_the_scenes_of_before(
     some_matches: dict[str, tuple[bytes, Journal]], small_journal: bytes, same: Same
 ) -> None:
-    told = {name: json.dumps(tell_match(data)) for name, (data, _) in some_matches.items()}
+    told = {name: json.dumps(describe_match(data)) for name, (data, _) in some_matches.items()}
 
     same("scenes.txt", "".join(f"{name} {len(text)} {digest(text.encode())}\n" for name, text in told.items()))
-    same("scenes.json", json.dumps(tell_match(small_journal), indent=1) + "\n")
+    same("scenes.json", json.dumps(describe_match(small_journal), indent=1) + "\n")
 
 
 @pytest.mark.parametrize("name", ["changed", "cut", "unfinished"])
@@ -332,7 +332,7 @@ def test_a_journal_that_does_not_hold_is_told_as_before(name: str, small: Journa
     }[name]
 
     try:
-        told = json.dumps(tell_match(data)["broken"])
+        told = json.dumps(describe_match(data)["broken"])
     except JournalError as error:
         told = str(error)
 

@@ -50,7 +50,7 @@ def web(
     from clients.settings import ClientSettings
     from clients.web.guard import LOOPBACK
     from clients.web.pit import PitClient
-    from clients.web.play import Players
+    from clients.web.play import BrowserSeats
     from tournaments.reports.web_leagues import Leagues
 
     with needs("web", "arena web"):
@@ -88,7 +88,7 @@ def web(
     settings = WebSettings(
         pit=client,
         leagues=Leagues(folder, db),
-        players=Players(make_settings) if play or (play is None and host in LOOPBACK) else None,
+        players=BrowserSeats(make_settings) if play or (play is None and host in LOOPBACK) else None,
         names=tuple(names),
     )
     listening = listen(host, port)

@@ -96,7 +96,7 @@ export class Board {
         pen.fillStyle = colour.fog;
         pen.fillRect(x, y, width, height);
       }
-      pen.strokeStyle = colour["hidden-line"]; // hatched: fog is told from land without colours
+      pen.strokeStyle = colour["hidden-line"]; // hatched: fog is data from land without colours
       pen.lineWidth = Math.max(1, size * 0.05);
       pen.beginPath();
       pen.moveTo(x, y + height);

@@ -25,7 +25,7 @@ export function fill(element, ...children) {
 }
 
 /** Set text, if it is another: what is set again is read out again. */
-export function say(element, text) {
+export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
@@ -52,7 +52,7 @@ export async function ask(path) {
   }
 }
 
-/** Open a WebSocket of this server. `hear` gets each message, `lose` is told when it is gone. */
+/** Open a WebSocket of this server. `hear` gets each message, `lose` is data when it is gone. */
 export function connect(path, first, hear, lose) {
   const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${path}`);
   socket.onopen = () => socket.send(JSON.stringify(first));
@@ -65,7 +65,7 @@ export const words = (text) => text.replaceAll("_", " ");
 export const signed = (number) => (number > 0 ? `+${number}` : `${number}`).replace("-", "\u2212");
 
 /** Say how a match ended, for everyone. */
-export function tellEnding(ending) {
+export function formatEnding(ending) {
   const who = ending.winner === null ? (ending.ending === "void" ? "void" : "a draw") : `${ending.winner} wins`;
   const why = ending.reason ? ` (${ending.reason})` : "";
   return `${who} by ${words(ending.ending)}${why} after ${ending.ticks} ticks, score ${signed(ending.score)} for blue`;

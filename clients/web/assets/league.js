@@ -1,6 +1,6 @@
 // The leaderboard: the report of the store, live. Ratings with their intervals, the cross table, and every replay.
 import { TEAMS } from "./board.js";
-import { ask, fill, h, route, say, signed } from "./dom.js";
+import { ask, fill, h, route, setText, signed } from "./dom.js";
 
 const EVERY_MS = 5000;
 const WIDEST_PLOT = 760;
@@ -51,7 +51,7 @@ class LeaguePage {
   async refresh() {
     const { leagues = [], error } = await ask(route("leagues"));
     if (error || !leagues.length) {
-      this.tell(error ?? "There is no league yet. Make one with: arena tournament init friday.toml", Boolean(error));
+      this.announce(error ?? "There is no league yet. Make one with: arena tournament init friday.toml", Boolean(error));
       return;
     }
     const name = leagues.includes(this.query.get("name")) ? this.query.get("name") : leagues[0];
@@ -59,7 +59,7 @@ class LeaguePage {
     this.choice.value = name;
     const report = await ask(route("league", { name }));
     if (report.error) {
-      this.tell(report.error, true);
+      this.announce(report.error, true);
       return;
     }
     this.report = report;
@@ -71,7 +71,7 @@ class LeaguePage {
     const { report } = this;
     const { played, planned, complete } = report.matches;
     const verdict = report.sprt ? ` ${report.sprt.says}.` : "";
-    this.tell(`${report.league.name}: ${played} of ${verdict ? "at most " : ""}${planned} matches are played${complete ? "" : "; this page follows"}.${verdict} Rules ${report.league.ruleset}.`);
+    this.announce(`${report.league.name}: ${played} of ${verdict ? "at most " : ""}${planned} matches are played${complete ? "" : "; this page follows"}.${verdict} Rules ${report.league.ruleset}.`);
     fill(this.table, this.leaderboard());
     this.drawPlot();
     fill(this.cross, this.crossTable());
@@ -166,8 +166,8 @@ class LeaguePage {
       h("a", { href: `/match/replay?${new URLSearchParams({ league: this.report.league.name, identity: one.identity })}`, "aria-label": `Replay of match ${index + 1}, ${one.blue} against ${one.red}` }, "Replay")))));
   }
 
-  tell(sentence, isBad = false) {
-    say(this.state, sentence);
+  announce(sentence, isBad = false) {
+    setText(this.state, sentence);
     this.state.classList.toggle("bad", isBad);
   }
 }

@@ -1,5 +1,5 @@
 // The lobby: what everyone may know of the pit, and how to join it.
-import { ask, fill, h, route, say, spectatorKey, tellEnding } from "./dom.js";
+import { ask, fill, h, route, setText, spectatorKey, formatEnding } from "./dom.js";
 
 const EVERY_MS = 1000;
 
@@ -27,21 +27,21 @@ export function show(main) {
   async function refresh() {
     const answer = await ask(route("lobby"));
     const { lobby } = answer;
-    say(state, answer.error ?? (lobby ? `The pit \u201c${lobby.pit}\u201d is open; matches so far: ${lobby.n_begun}.` : `The pit is away: ${answer.trouble}.`));
+    setText(state, answer.error ?? (lobby ? `The pit \u201c${lobby.pit}\u201d is open; matches so far: ${lobby.n_begun}.` : `The pit is away: ${answer.trouble}.`));
     state.classList.toggle("bad", !lobby);
     if (answer.error) return;
-    say(command, `arena join ${answer.address} --team any --policy mybot.py`);
+    setText(command, `arena join ${answer.address} --team any --policy mybot.py`);
     fill(running, lobby?.running.length ? runningTable(lobby.running) : h("p", {}, lobby ? "None." : "Not known."));
-    say(waiting, lobby ? tellSeats(lobby) : "Not known.");
+    setText(waiting, lobby ? formatSeats(lobby) : "Not known.");
     fill(results, answer.results.length ? resultList(answer.results) : h("p", {}, "No match has ended since this page's server was started."));
     fill(standings, lobby?.standings?.length ? ladder(lobby.standings) : null);
-    fill(facts, lobby ? tellRules(lobby) : null);
+    fill(facts, lobby ? formatRules(lobby) : null);
   }
   refresh();
   setInterval(() => document.hidden || refresh(), EVERY_MS);
 }
 
-function tellSeats(lobby) {
+function formatSeats(lobby) {
   const invite = lobby.needs_invite ? " This pit wants an invite code." : "";
   if (!lobby.waiting.length) return `Blue and red: nobody waits yet.${invite}`;
   return `${lobby.waiting.join(", ")} ${lobby.waiting.length > 1 ? "wait" : "waits"} for an opponent.${invite}`;
@@ -59,7 +59,7 @@ function resultList(results) {
   return h("ol", { class: "results" }, results.map((one) => h("li", {},
     h("a", { href: `/match/${encodeURIComponent(one.match)}` },
       one.names ? [h("b", { class: "blue" }, one.names[0]), " against ", h("b", { class: "red" }, one.names[1])] : "Replay"),
-    `: ${tellEnding(one)}`)));
+    `: ${formatEnding(one)}`)));
 }
 
 function ladder(rows) {
@@ -69,7 +69,7 @@ function ladder(rows) {
       ...[Number(row.rating).toFixed(1).replace("-", "\u2212"), row.wins, row.draws, row.losses].map((value) => h("td", { class: "number" }, `${value}`))))))));
 }
 
-function tellRules(lobby) {
+function formatRules(lobby) {
   const { ruleset } = lobby;
   const units = Object.entries(ruleset.units ?? {});
   const rows = [

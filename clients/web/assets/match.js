@@ -1,6 +1,6 @@
 // A match: Figure 2 of the paper, live or replayed. A team's fogged board stands beside the truth.
 import { TEAMS } from "./board.js";
-import { ask, connect, fill, h, route, say, signed, spectatorKey, tellEnding } from "./dom.js";
+import { ask, connect, fill, h, route, setText, signed, spectatorKey, formatEnding } from "./dom.js";
 import { Player } from "./player.js";
 
 const AGAIN_MS = 1000;
@@ -37,7 +37,7 @@ class MatchPage {
     this.isWatched = false;
     connect(route("watch_match", { match: this.match }), { key: spectatorKey.get() }, (message) => this.hear(message), () => {
       if (this.player?.isWhole || this.isGone || this.ending) return;
-      this.tell("The web server is gone; looking for it...", true);
+      this.announce("The web server is gone; looking for it...", true);
       setTimeout(() => this.listen(), AGAIN_MS);
     });
   }
@@ -49,23 +49,23 @@ class MatchPage {
       this.replay(this.player || this.ending ? MOST_TRIES : 1);
     } else if (kind === "rules") {
       this.rules = message.rules;
-      this.tell(spectatorKey.get() ? "The match runs; its boards come with the next tick." :
+      this.announce(spectatorKey.get() ? "The match runs; its boards come with the next tick." :
         "The match runs. Until it is over only holders of the spectator key see its boards; this page shows what everyone may know.");
     } else if (kind === "wrong key") {
       this.isKeyWrong = true;
-      this.tell(`Wrong key: ${message.sentence}. The lobby takes another.`, true);
+      this.announce(`Wrong key: ${message.sentence}. The lobby takes another.`, true);
     } else if (kind === "lost") {
-      this.tell(`The pit is away: ${message.sentence}. Looking for it...`, true);
-    } else if (kind === "facts") {
+      this.announce(`The pit is away: ${message.sentence}. Looking for it...`, true);
+    } else if (kind === "public") {
       this.names = message.names ?? this.names;
       this.showFacts(message);
-    } else if (kind === "scene") {
+    } else if (kind === "frame") {
       this.player ??= this.makePlayer({ rules: this.rules, ticks: [], names: this.names, ending: null });
       this.player.add(message);
-      this.tell("The match runs, and this page sees it with the spectator key.");
+      this.announce("The match runs, and this page sees it with the spectator key.");
     } else if (kind === "ended") {
       this.ending = message.ending;
-      this.tell(`Over: ${tellEnding(message.ending)}. Waiting for its journal...`);
+      this.announce(`Over: ${formatEnding(message.ending)}. Waiting for its journal...`);
       this.replay(MOST_TRIES);
     }
   }
@@ -75,35 +75,35 @@ class MatchPage {
     if (!answer.error) {
       this.showReplay(answer);
     } else if (tries > 1) {
-      if (this.ending) this.tell(`Over: ${tellEnding(this.ending)}. Its boards: ${answer.error}.`);
+      if (this.ending) this.announce(`Over: ${formatEnding(this.ending)}. Its boards: ${answer.error}.`);
       setTimeout(() => this.replay(tries - 1), AGAIN_MS);
     } else if (this.ending) {
-      this.tell(`Over: ${tellEnding(this.ending)}. ${answer.error}.`, false);
+      this.announce(`Over: ${formatEnding(this.ending)}. ${answer.error}.`, false);
     } else {
-      this.tell(`This match cannot be shown: ${answer.error}.`, true);
+      this.announce(`This match cannot be shown: ${answer.error}.`, true);
       this.state.append(" ", h("a", { href: this.back[0] }, `To the ${this.back[1]}`));
     }
   }
 
-  showReplay(told) {
-    this.names = told.names;
+  showReplay(data) {
+    this.names = data.names;
     this.player?.stop();
     this.stage.replaceChildren();
-    if (told.broken) {
-      const where = told.broken.tick ? `at tick ${told.broken.tick}` : "at its start";
+    if (data.broken) {
+      const where = data.broken.tick ? `at tick ${data.broken.tick}` : "at its start";
       this.stage.append(h("p", { class: "banner bad", role: "alert" },
-        `This replay does not verify: it breaks ${where}. ${told.broken.sentence}`));
+        `This replay does not verify: it breaks ${where}. ${data.broken.sentence}`));
     }
-    this.tell(`Over: ${tellEnding(told.ending)}.${told.broken ? "" : " Every tick was played again and holds."}`, Boolean(told.broken));
-    if (!told.ticks.length) return;
-    this.player = this.makePlayer(told);
+    this.announce(`Over: ${formatEnding(data.ending)}.${data.broken ? "" : " Every tick was played again and holds."}`, Boolean(data.broken));
+    if (!data.ticks.length) return;
+    this.player = this.makePlayer(data);
     this.player.isWhole = true;
     this.player.go(0);
   }
 
-  makePlayer(told) {
+  makePlayer(data) {
     this.showTitle();
-    return new Player(this.stage, told, (tick) => this.showFacts({ ...tick, names: this.names }));
+    return new Player(this.stage, data, (tick) => this.showFacts({ ...tick, names: this.names }));
   }
 
   showTitle() {
@@ -113,7 +113,7 @@ class MatchPage {
 
   showFacts({ tick, living, score }) {
     this.showTitle();
-    const limit = (this.player?.told.rules ?? this.rules)?.tick_limit;
+    const limit = (this.player?.data.rules ?? this.rules)?.tick_limit;
     this.facts.setAttribute("aria-live", this.player?.isPlaying ? "off" : "polite"); // sixty ticks a second are not read out
     fill(this.facts,
       h("span", {}, `tick ${tick}${limit ? ` of ${limit}` : ""}`),
@@ -121,9 +121,9 @@ class MatchPage {
       ...(living ?? []).map((n, team) => h("span", { class: TEAMS[team] }, `${TEAMS[team]} ${n} units`)));
   }
 
-  tell(sentence, isBad = false) {
+  announce(sentence, isBad = false) {
     if (this.isKeyWrong && sentence.startsWith("The match runs")) return;
-    say(this.state, sentence);
+    setText(this.state, sentence);
     this.state.classList.toggle("bad", isBad);
   }
 }

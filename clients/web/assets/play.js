@@ -1,6 +1,6 @@
 // Play: a seat for a person. The fogged board, the units with their standing orders, and what each may do now.
 import { Board, CODE, TEAMS } from "./board.js";
-import { ask, connect, fill, h, route, say, signed, words } from "./dom.js";
+import { ask, connect, fill, h, route, setText, signed, words } from "./dom.js";
 
 const AGAIN_MS = 1000;
 const HURRY_S = 10;
@@ -16,7 +16,7 @@ export async function show(main) {
 }
 
 /** What is in sight of the enemy, and where the flag is that is looked for, in words. */
-function tellSights({ team, side, grid, known }) {
+function formatSights({ team, side, grid, known }) {
   const [ugv, uav, flag] = team ? [CODE.blueUgv, CODE.blueUav, CODE.blueFlag] : [CODE.redUgv, CODE.redUav, CODE.redFlag];
   const find = (cells, code) => [...cells].flatMap((one, cell) => (one === code ? [`${Math.floor(cell / side)}, ${cell % side}`] : []));
   const enemies = [["UGV", ugv], ["UAV", uav]].flatMap(([name, code]) => find(grid, code).map((place) => `${name} at ${place}`));
@@ -38,13 +38,13 @@ class PlayPage {
 
   begin() {
     const token = sessionStorage.getItem("seat");
-    if (this.offer.error || !this.offer.is_open) this.tell(this.offer.error ?? "Nobody can play by this server. On your own machine, arena web lets you.", true);
+    if (this.offer.error || !this.offer.is_open) this.announce(this.offer.error ?? "Nobody can play by this server. On your own machine, arena web lets you.", true);
     else if (token) this.listen({ token });
     else this.askWish();
   }
 
   askWish() {
-    this.tell("Who plays, and against whom? The match begins when both seats are taken.");
+    this.announce("Who plays, and against whom? The match begins when both seats are taken.");
     const name = h("input", { id: "name", value: localStorage.getItem("name") ?? "human", required: true, maxlength: 64, pattern: "[A-Za-z0-9_\\-]+", title: "letters, digits, - and _" });
     const team = h("select", { id: "team" }, ["any", ...TEAMS].map((value) => h("option", { value }, value)));
     const opponent = h("select", { id: "opponent" }, h("option", { value: "patrol" }, "patrol, an easy one"), h("option", { value: "" }, "whoever comes"),
@@ -66,8 +66,8 @@ class PlayPage {
   listen(first) {
     this.isRefused = false;
     this.socket = connect(route("play_match"), first, (message) => this.hear(message), () => {
-      if (this.isRefused || this.told?.kind === "over" || this.told?.kind === "failed") return;
-      this.tell("The connection is lost; your seat waits. Connecting again...", true);
+      if (this.isRefused || this.data?.kind === "over" || this.data?.kind === "failed") return;
+      this.announce("The connection is lost; your seat waits. Connecting again...", true);
       setTimeout(() => this.listen({ token: sessionStorage.getItem("seat") }), AGAIN_MS);
     });
   }
@@ -79,49 +79,49 @@ class PlayPage {
       this.isRefused = true;
       sessionStorage.removeItem("seat");
       this.askWish();
-      this.tell(`No seat: ${message.sentence}.`, true);
+      this.announce(`No seat: ${message.sentence}.`, true);
     } else {
-      this.told = message;
+      this.data = message;
       this.heardAt = performance.now();
       this.showTold();
     }
   }
 
   showTold() {
-    const { told } = this;
-    if (told.picture) this.showPicture();
-    if (told.kind === "waiting") this.showWaiting();
-    else if (told.kind === "turn") this.showTurn();
+    const { data } = this;
+    if (data.picture) this.showPicture();
+    if (data.kind === "waiting") this.showWaiting();
+    else if (data.kind === "turn") this.showTurn();
     else this.showEnd();
   }
 
   showWaiting() {
-    this.tell(`${this.told.name} waits ${this.told.sentence || "for a seat"}. The lobby shows the command by which a bot joins.`);
+    this.announce(`${this.data.name} waits ${this.data.sentence || "for a seat"}. The lobby shows the command by which a bot joins.`);
     fill(this.stage, h("button", { type: "button", onclick: () => this.leave() }, "Leave"));
   }
 
   showTurn() {
-    const { told } = this;
-    if (told.sentence) this.tell(`You wait ${told.sentence}; your seat is kept.`, true);
-    else this.tell(told.is_my_turn
+    const { data } = this;
+    if (data.sentence) this.announce(`You wait ${data.sentence}; your seat is kept.`, true);
+    else this.announce(data.is_my_turn
       ? "Your turn: it ends with Enter, when every unit has its order, or when the time is over. Orders stay until you change them."
       : "The others move...");
   }
 
   showEnd() {
-    const { told } = this;
+    const { data } = this;
     sessionStorage.removeItem("seat");
-    const again = h("button", { type: "button", class: "main", onclick: () => { this.told = null; this.askWish(); } }, "Play again");
-    if (told.kind === "failed") {
-      this.tell(`The seat is gone: ${told.sentence}.`, true);
+    const again = h("button", { type: "button", class: "main", onclick: () => { this.data = null; this.askWish(); } }, "Play again");
+    if (data.kind === "failed") {
+      this.announce(`The seat is gone: ${data.sentence}.`, true);
       this.stage.replaceChildren(again);
       return;
     }
-    const { result } = told;
-    const team = TEAMS[told.picture?.team ?? 0];
+    const { result } = data;
+    const team = TEAMS[data.picture?.team ?? 0];
     const outcome = result.ending === "void" ? "The match is void" : result.winner === null ? "A draw" : result.winner === team ? "You win" : "You lose";
-    this.tell(`${outcome} by ${words(result.ending)}${result.reason ? ` (${result.reason})` : ""} after ${result.ticks} ticks, score ${signed(result.score)}.${told.verdict ? ` Checked: ${told.verdict}.` : ""}`);
-    fill(this.after, again, " ", h("a", { href: `/match/${encodeURIComponent(told.match)}` }, "Watch it with the truth beside it"));
+    this.announce(`${outcome} by ${words(result.ending)}${result.reason ? ` (${result.reason})` : ""} after ${result.ticks} ticks, score ${signed(result.score)}.${data.verdict ? ` Checked: ${data.verdict}.` : ""}`);
+    fill(this.after, again, " ", h("a", { href: `/match/${encodeURIComponent(data.match)}` }, "Watch it with the truth beside it"));
   }
 
   build(picture) {
@@ -136,14 +136,14 @@ class PlayPage {
     this.options = h("div", { class: "pad" });
     this.after = h("div", { class: "controls" });
     this.memory = h("input", { type: "checkbox", id: "memory", checked: true, onchange: () => this.showPicture() });
-    this.pilot = h("select", { id: "pilot", onchange: () => this.say({ do: "autopilot", name: this.pilot.value }) },
+    this.pilot = h("select", { id: "pilot", onchange: () => this.setText({ do: "autopilot", name: this.pilot.value }) },
       h("option", { value: "" }, "nobody: they stay"), this.offer.fighters.map((name) => h("option", { value: name }, name)));
     this.board.canvas.addEventListener("click", (event) => {
       const cell = this.board.cellAt(event.clientX, event.clientY);
-      if (cell) this.say({ do: "point", row: cell[0], column: cell[1] });
+      if (cell) this.setText({ do: "point", row: cell[0], column: cell[1] });
     });
     this.stage.replaceChildren(h("div", { class: "score" }, this.who, this.facts), this.after,
-      h("div", { class: "controls clock" }, this.time, this.alarm, (this.end = h("button", { type: "button", class: "main", onclick: () => this.say({ do: "end" }) }, "End turn (Enter)"))),
+      h("div", { class: "controls clock" }, this.time, this.alarm, (this.end = h("button", { type: "button", class: "main", onclick: () => this.setText({ do: "end" }) }, "End turn (Enter)"))),
       h("div", { class: "desk" }, h("figure", {}, this.board.canvas, this.sights), h("div", { class: "panel" },
         h("h2", {}, "Units"), this.units,
         h("h2", {}, "Orders for the chosen unit"), this.options,
@@ -155,7 +155,7 @@ class PlayPage {
   }
 
   showPicture() {
-    const { picture, opponent, autopilot } = this.told;
+    const { picture, opponent, autopilot } = this.data;
     if (!this.board || !this.board.canvas.isConnected) this.build(picture);
     const { units, selected } = picture;
     const chosen = units[selected];
@@ -171,8 +171,8 @@ class PlayPage {
       selected: chosen?.cell,
     });
     this.board.label(`The board at tick ${picture.tick} as ${own} sees it`);
-    say(this.sights, tellSights(picture));
-    this.end.disabled = !this.told.is_my_turn;
+    setText(this.sights, formatSights(picture));
+    this.end.disabled = !this.data.is_my_turn;
     this.showUnits(units, selected);
     this.showOptions(picture);
     if (document.activeElement !== this.pilot) this.pilot.value = autopilot;
@@ -181,11 +181,11 @@ class PlayPage {
 
   showUnits(units, selected) {
     if (this.units.children.length !== units.length) {
-      this.units.replaceChildren(...units.map((_, index) => h("li", {}, h("button", { type: "button", onclick: () => this.say({ do: "select", unit: index }) }))));
+      this.units.replaceChildren(...units.map((_, index) => h("li", {}, h("button", { type: "button", onclick: () => this.setText({ do: "select", unit: index }) }))));
     }
     units.forEach((unit, index) => {
       const button = this.units.children[index].firstChild;
-      say(button, `${unit.type.toUpperCase()} at ${unit.cell.join(", ")}: ${unit.order}${unit.alive && unit.is_fresh ? " \u2713" : ""}`);
+      setText(button, `${unit.type.toUpperCase()} at ${unit.cell.join(", ")}: ${unit.order}${unit.alive && unit.is_fresh ? " \u2713" : ""}`);
       button.setAttribute("aria-pressed", `${index === selected}`);
       button.disabled = !unit.alive;
     });
@@ -193,11 +193,11 @@ class PlayPage {
 
   showOptions({ options, units, selected }) {
     if (!this.options.children.length) {
-      const make = (action, name) => h("button", { type: "button", class: name, onclick: () => this.say({ do: "order", action }) }, NAMES[name]);
+      const make = (action, name) => h("button", { type: "button", class: name, onclick: () => this.setText({ do: "order", action }) }, NAMES[name]);
       this.options.append(make(1, "north"), make(4, "west"), make(0, "stay"), make(2, "east"), make(3, "south"),
-        h("button", { type: "button", class: "back", onclick: () => this.say({ do: "release" }) }, "Take back"));
+        h("button", { type: "button", class: "back", onclick: () => this.setText({ do: "release" }) }, "Take back"));
     }
-    const isMine = this.told.is_my_turn && units[selected];
+    const isMine = this.data.is_my_turn && units[selected];
     for (const option of options) {
       const button = this.options.querySelector(`.${option.name}`);
       button.disabled = !isMine || !option.is_open;
@@ -207,22 +207,22 @@ class PlayPage {
   }
 
   showTime() {
-    const left = this.told?.picture?.time_left_s;
+    const left = this.data?.picture?.time_left_s;
     if (!this.time || left === undefined) return;
-    if (this.told.kind !== "turn") {
-      say(this.time, "the match is over");
+    if (this.data.kind !== "turn") {
+      setText(this.time, "the match is over");
       return;
     }
     const seconds = left === null ? null : Math.max(0, left - (performance.now() - this.heardAt) / 1000);
-    say(this.time, seconds === null ? "no clock runs" : `${Math.ceil(seconds)} s left`);
+    setText(this.time, seconds === null ? "no clock runs" : `${Math.ceil(seconds)} s left`);
     const isLate = seconds !== null && seconds < HURRY_S;
     this.time.classList.toggle("hurry", isLate);
-    say(this.alarm, isLate && this.told.is_my_turn ? `${HURRY_S} seconds are left` : "");
+    setText(this.alarm, isLate && this.data.is_my_turn ? `${HURRY_S} seconds are left` : "");
   }
 
   press(event) {
     const isTyping = event.target.closest?.("input, select, textarea");
-    if (event.ctrlKey || event.metaKey || event.altKey || isTyping || this.told?.kind !== "turn") return;
+    if (event.ctrlKey || event.metaKey || event.altKey || isTyping || this.data?.kind !== "turn") return;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     const isOnButton = Boolean(event.target.closest?.("button, a"));
     let word = null;
@@ -233,24 +233,24 @@ class PlayPage {
     else if (key === "Enter" && !isOnButton) word = { do: "end" };
     if (!word) return;
     event.preventDefault();
-    this.say(word);
+    this.setText(word);
   }
 
-  say(word) {
+  setText(word) {
     if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(word));
   }
 
   leave() {
-    this.say({ do: "leave" });
+    this.setText({ do: "leave" });
     sessionStorage.removeItem("seat");
     this.isRefused = true;
     this.socket.close();
-    this.told = null;
+    this.data = null;
     this.askWish();
   }
 
-  tell(sentence, isBad = false) {
-    say(this.state, sentence);
+  announce(sentence, isBad = false) {
+    setText(this.state, sentence);
     this.state.classList.toggle("bad", isBad);
   }
 }

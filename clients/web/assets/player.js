@@ -1,14 +1,14 @@
 // Plays ticks on two boards: a timeline to scrub, step and play, by pointer and by keys.
 import { Board, TEAMS } from "./board.js";
-import { h, say } from "./dom.js";
-import { eventsOf, nameOf, unitsAt } from "./scenes.js";
+import { h, setText } from "./dom.js";
+import { eventsOf, nameOf, unitsAt } from "./events.js";
 
 const SPEEDS = [1, 2, 4, 8, 15, 30, 60];
 
 export class Player {
-  /** `told` as the server tells a match; `onTick` hears each tick that is shown. */
-  constructor(stage, told, onTick) {
-    this.told = told;
+  /** `data` as the server tells a match; `onTick` hears each tick that is shown. */
+  constructor(stage, data, onTick) {
+    this.data = data;
     this.onTick = onTick;
     this.at = -1;
     this.team = 0;
@@ -17,7 +17,7 @@ export class Player {
     this.isWhole = false; // a replay, to which nothing is added
     this.hovered = null;
     this.followed = null;
-    this.boards = ["what blue sees", "the truth"].map((label) => new Board(told.rules, label));
+    this.boards = ["what blue sees", "the truth"].map((label) => new Board(data.rules, label));
     this.build(stage);
     this.onKey = (event) => this.press(event);
     document.addEventListener("keydown", this.onKey);
@@ -54,7 +54,7 @@ export class Player {
 
   /** Add a tick of a match that runs; the page follows unless it looks at an earlier one. */
   add(tick) {
-    const { ticks } = this.told;
+    const { ticks } = this.data;
     const last = ticks.at(-1)?.tick ?? -1;
     if (tick.tick <= last) return;
     const follows = this.at === ticks.length - 1;
@@ -64,7 +64,7 @@ export class Player {
   }
 
   go(index) {
-    const { ticks } = this.told;
+    const { ticks } = this.data;
     this.timeline.max = ticks.length - 1;
     this.at = Math.max(0, Math.min(index, ticks.length - 1));
     this.timeline.value = this.at;
@@ -80,7 +80,7 @@ export class Player {
   choose(team) {
     this.team = team;
     this.teamButtons.forEach((button, index) => button.setAttribute("aria-pressed", index === team));
-    say(this.caption, `What ${TEAMS[team]} sees`);
+    setText(this.caption, `What ${TEAMS[team]} sees`);
     this.draw();
   }
 
@@ -89,9 +89,9 @@ export class Player {
       this.pause();
       return;
     }
-    if (this.at >= this.told.ticks.length - 1) this.go(0);
+    if (this.at >= this.data.ticks.length - 1) this.go(0);
     this.isPlaying = true;
-    say(this.playButton, "Pause");
+    setText(this.playButton, "Pause");
     this.events.setAttribute("aria-live", "off"); // nobody can listen to sixty sentences a second
     let due = performance.now();
     const run = (now) => {
@@ -101,7 +101,7 @@ export class Player {
         due += (n * 1000) / this.speed;
         this.go(this.at + n);
       }
-      if (this.at >= this.told.ticks.length - 1) this.pause();
+      if (this.at >= this.data.ticks.length - 1) this.pause();
       else requestAnimationFrame(run);
     };
     requestAnimationFrame(run);
@@ -109,7 +109,7 @@ export class Player {
 
   pause() {
     this.isPlaying = false;
-    say(this.playButton, "Play");
+    setText(this.playButton, "Play");
     this.events.setAttribute("aria-live", "polite");
     if (this.at >= 0) this.fillTable();
   }
@@ -138,8 +138,8 @@ export class Player {
       " ": () => this.toggle(),
       ArrowLeft: () => this.step(-1),
       ArrowRight: () => this.step(1),
-      Home: () => this.step(-this.told.ticks.length),
-      End: () => this.step(this.told.ticks.length),
+      Home: () => this.step(-this.data.ticks.length),
+      End: () => this.step(this.data.ticks.length),
       "+": () => this.shift(1),
       "-": () => this.shift(-1),
       t: () => this.choose(1 - this.team),
@@ -155,7 +155,7 @@ export class Player {
   }
 
   draw() {
-    const { rules, ticks } = this.told;
+    const { rules, ticks } = this.data;
     const tick = ticks[this.at];
     if (!tick) return;
     const { marks, sentences } = eventsOf(rules, tick);
@@ -167,9 +167,9 @@ export class Player {
     this.boards[1].show({ grid: tick.truth, marks, discs });
     this.boards[0].label(`What ${TEAMS[this.team]} sees at tick ${tick.tick}`);
     this.boards[1].label(`The truth at tick ${tick.tick}: blue has ${tick.living[0]} units, red ${tick.living[1]}`);
-    say(this.tickSays, `${tick.tick} / ${ticks.at(-1).tick}`);
+    setText(this.tickSays, `${tick.tick} / ${ticks.at(-1).tick}`);
     const pointed = units.map(({ team, index, kind }) => `${nameOf(rules, team, index)}: sight ${kind.sight}, attack ${kind.attack}, step ${kind.step}`);
-    say(this.events, [...pointed, ...sentences].join("; "));
+    setText(this.events, [...pointed, ...sentences].join("; "));
     if (!this.isPlaying) this.fillTable();
   }
 
@@ -180,7 +180,7 @@ export class Player {
 
   /** Each unit is a button, which shows by keyboard what pointing at the unit shows. Rows stay, so that focus does. */
   fillTable() {
-    const { rules, ticks } = this.told;
+    const { rules, ticks } = this.data;
     const units = this.units(ticks[this.at]);
     if (!this.rows.children.length) {
       this.rows.append(...units.map(({ team, index }, number) => h("tr", {},
@@ -188,7 +188,7 @@ export class Player {
         h("td", { class: "number" }), h("td", { class: "number" }), h("td"))));
     }
     units.forEach(({ cell: [row, column], alive }, number) => {
-      [`${row}`, `${column}`, alive ? "lives" : "fallen"].forEach((text, at) => say(this.rows.children[number].cells[at + 1], text));
+      [`${row}`, `${column}`, alive ? "lives" : "fallen"].forEach((text, at) => setText(this.rows.children[number].cells[at + 1], text));
     });
   }
 }

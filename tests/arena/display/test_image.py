@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from arena.display.image import Scene, draw, read_scenes
+from arena.display.image import ImageFrame, draw, read_frames
 from arena.game.observation import Observation
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Code, Team
@@ -87,11 +87,11 @@ def test_a_png_shows_one_tick_the_last_if_none_is_named(here: Run, file: Path, t
     out = tmp_path / "a.png"
     done = here("replay", "export", file, "--png", "--out", out, *([] if tick is None else ["--tick", tick]))
 
-    scenes = list(read_scenes(file, None))
+    frames = list(read_frames(file, None))
     assert done.returncode == 0
     with Image.open(out) as image:
         assert image.format == "PNG"
-        assert np.array_equal(np.asarray(image), np.asarray(draw(scenes[-1 if tick is None else tick], 16)))
+        assert np.array_equal(np.asarray(image), np.asarray(draw(frames[-1 if tick is None else tick], 16)))
 
 
 def test_without_out_the_picture_lies_here_under_the_name_of_the_match(
@@ -106,34 +106,34 @@ def test_without_out_the_picture_lies_here_under_the_name_of_the_match(
 
 @pytest.mark.parametrize("team", Team)
 def test_a_scene_shows_what_a_team_sees_beside_the_truth(file: Path, journal: Journal, team: Team) -> None:
-    scenes = read_scenes(file, team.name.lower())
+    frames = read_frames(file, team.name.lower())
 
-    for games, scene in zip(replay(journal), scenes, strict=True):
-        (label, seen), (_, truth) = scene.boards
+    for games, frame in zip(replay(journal), frames, strict=True):
+        (label, seen), (_, truth) = frame.boards
         assert label == f"what {team.name.lower()} sees"
         assert np.array_equal(seen, games.grids()[team, 0])
         assert np.array_equal(truth, games.truth(0))
-    assert scene.title == "blue ann against red bob"
-    assert scene.facts.startswith(f"tick {len(journal.ticks)} of 100   score ")
+    assert frame.title == "blue ann against red bob"
+    assert frame.caption.startswith(f"tick {len(journal.ticks)} of 100   score ")
 
 
 def test_a_fallen_unit_is_marked_in_the_tick_in_which_it_fell_and_in_no_other(file: Path, journal: Journal) -> None:
     states = [(games.state.alive[0].copy(), games.state.cell[0].copy()) for games in replay(journal)]
-    scenes = list(read_scenes(file, None))
+    frames = list(read_frames(file, None))
     fell = [frozenset()]
     for (before, _), (after, cells) in pairwise(states):
         fell.append(
             frozenset(divmod(int(cell), 20) for cell, was, lives in zip(cells, before, after, strict=True) if was and not lives)
         )
 
-    assert [scene.fallen for scene in scenes] == fell
+    assert [frame.fallen for frame in frames] == fell
     assert any(fell)
 
 
 def test_the_flag_that_was_captured_is_marked_in_the_last_tick(file: Path) -> None:
-    *scenes, last = read_scenes(file, None)
+    *frames, last = read_frames(file, None)
 
-    assert all(not scene.captured for scene in scenes)
+    assert all(not frame.captured for frame in frames)
     [flag] = last.captured
     assert last.boards[1][1][flag] in (Code.BLUE_UGV, Code.RED_UGV)
 
@@ -146,7 +146,7 @@ def test_units_that_fought_and_live_are_marked(
     path = tmp_path / "fight.journal"
     path.write_bytes(played(rules, blue=every_tick([2]), red=every_tick([0])).journal or b"")
 
-    fought = [scene.fought for scene in read_scenes(path, None)]
+    fought = [frame.fought for frame in read_frames(path, None)]
 
     assert fought[0] == frozenset()
     assert fought[-1] == {(1, 2), (1, 4)}
@@ -156,26 +156,26 @@ def test_a_transcript_shows_what_its_seat_saw_and_remembered(
     here: Run, transcript: Path, file: Path, journal: Journal, tmp_path: Path
 ) -> None:
     seen = [games.observe()[Team.RED].seat(0, journal.header.ruleset) for games in replay(journal)][:-1]
-    scenes = list(read_scenes(transcript, None))
+    frames = list(read_frames(transcript, None))
 
-    assert [scene.title for scene in scenes] == ["bob plays red against ann"] * len(seen)
-    for one, scene in zip(seen, scenes, strict=True):
-        check_memory(one, scene)
+    assert [frame.title for frame in frames] == ["bob plays red against ann"] * len(seen)
+    for one, frame in zip(seen, frames, strict=True):
+        check_memory(one, frame)
     assert here("replay", "export", transcript, "--png", "--out", tmp_path / "t.png").returncode == 0
 
 
-def check_memory(seen: Observation, scene: Scene) -> None:
-    (_, grid), (_, known) = scene.boards
+def check_memory(seen: Observation, frame: ImageFrame) -> None:
+    (_, grid), (_, known) = frame.boards
     assert np.array_equal(grid, seen.grid)
-    assert scene.faded is not None
-    assert np.array_equal(scene.faded, grid == Code.HIDDEN)
-    assert np.array_equal(known[~scene.faded], grid[~scene.faded])
+    assert frame.faded is not None
+    assert np.array_equal(frame.faded, grid == Code.HIDDEN)
+    assert np.array_equal(known[~frame.faded], grid[~frame.faded])
 
 
 def test_every_code_and_every_mark_looks_different() -> None:
     """In colour, and in grey: blue and orange are not told apart by hue alone."""
     grid = np.array([[-1, 0, 1, 2], [3, 4, 5, 6], [7, 8, 0, 1], [0, 1, 0, 1]], np.int8)
-    plain = Scene(title="", facts="", boards=(("", grid), ("", grid)))
+    plain = ImageFrame(title="", facts="", boards=(("", grid), ("", grid)))
     image = draw(plain, 24)
     cells = {}
     for code in Code:
@@ -189,7 +189,7 @@ def test_every_code_and_every_mark_looks_different() -> None:
     for number, one in enumerate(greys):
         assert all((np.abs(one - other) > 40).sum() > 20 for other in greys[:number])
     for marks in ({"fought": frozenset({(3, 3)})}, {"fallen": frozenset({(3, 3)})}, {"captured": frozenset({(3, 3)})}):
-        marked = draw(Scene(title="", facts="", boards=plain.boards, **marks), 24)
+        marked = draw(ImageFrame(title="", facts="", boards=plain.boards, **marks), 24)
         changed = np.argwhere((np.asarray(marked) != np.asarray(image)).any(axis=2))
         assert len(changed) > 20
         assert (changed[:, 1] >= 24 * 6 + 24 * 3 - 3).all(), "a mark stands on the right board alone"
@@ -241,9 +241,9 @@ def test_below_the_boards_stands_what_the_shapes_mean() -> None:
     legends = {}
     for side in (4, 20):
         grid = np.full((side, side), Code.BLUE_HALF, np.int8)
-        scene = Scene(title="", facts="", boards=(("", grid), ("", grid)))
-        image = draw(scene, 16)
-        assert image.size == draw(Scene(title="t", facts="f", boards=scene.boards, fallen=frozenset({(1, 1)})), 16).size
+        frame = ImageFrame(title="", facts="", boards=(("", grid), ("", grid)))
+        image = draw(frame, 16)
+        assert image.size == draw(ImageFrame(title="t", facts="f", boards=frame.boards, fallen=frozenset({(1, 1)})), 16).size
         below = np.asarray(image.convert("L"), int)[16 * 4 + 16 * side + 1 :]
         legends[side] = int(below.shape[0] / 16)
         ink = np.argwhere(below < 200)

@@ -1,11 +1,11 @@
-"""A journal as scenes: what a page is told is what the match, played again, was."""
+"""A journal as frames: what a page is told is what the match, played again, was."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from arena.display.replay_frames import tell_match
+from arena.display.replay_frames import describe_match
 from arena.errors import JournalError
 from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load
@@ -29,7 +29,7 @@ def file(tmp_path: Path) -> Path:
 
 def test_every_tick_is_told_as_it_was(file: Path) -> None:
     journal = load_journal(file)
-    told = tell_match(file.read_bytes())
+    told = describe_match(file.read_bytes())
 
     assert told["broken"] is None
     assert told["names"] == [journal.header.blue, journal.header.red]
@@ -47,7 +47,7 @@ def test_every_tick_is_told_as_it_was(file: Path) -> None:
 def test_a_journal_that_was_changed_is_told_up_to_there(file: Path) -> None:
     journal, data = load_journal(file), file.read_bytes()
 
-    told = tell_match(data.replace(journal.ticks[3].chain, bytes(32)))
+    told = describe_match(data.replace(journal.ticks[3].chain, bytes(32)))
 
     assert told["broken"]["tick"] == 4
     assert [tick["tick"] for tick in told["ticks"]] == [0, 1, 2, 3]
@@ -58,4 +58,4 @@ def test_a_match_that_is_not_over_is_not_told(file: Path) -> None:
     last = load_journal(file).ticks[-1].chain
 
     with pytest.raises(JournalError, match="the match is not over"):
-        tell_match(data[: data.index(last) + len(last)])
+        describe_match(data[: data.index(last) + len(last)])

@@ -13,7 +13,7 @@ import pytest
 from rich.console import Console
 from worlds import lay, rules_for
 
-from arena.display.text import Memory, tell_end
+from arena.display.text import GroundMemory, format_last_tick
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult
@@ -207,7 +207,7 @@ def test_a_changed_transcript_is_one_sentence(arena: Run, race: Path) -> None:
 
 def test_what_is_remembered_is_dimmed(race: Path) -> None:
     transcript = load_transcript(race)
-    memory, console = Memory(RACE.side), Console(width=80, force_terminal=True, color_system="truecolor")
+    memory, console = GroundMemory(RACE.side), Console(width=80, force_terminal=True, color_system="truecolor")
     pieces = []
     for seen in transcript.observations():
         with console.capture() as capture:
@@ -222,6 +222,6 @@ def test_what_is_remembered_is_dimmed(race: Path) -> None:
 def test_what_the_pit_ruled_is_said() -> None:
     result = MatchResult(ending=Termination.FORFEIT, winner=Team.RED, score=-100, ticks=3, reason="blue vanished")
 
-    assert tell_end([], result) == "the pit ruled: blue vanished"
-    assert tell_end([], replace(result, ending=Termination.VOID, reason="")) == "the pit ruled: no reason given"
-    assert tell_end([], replace(result, ending=Termination.CAPTURE)) == "nothing was seen of this match"
+    assert format_last_tick([], result) == "the pit ruled: blue vanished"
+    assert format_last_tick([], replace(result, ending=Termination.VOID, reason="")) == "the pit ruled: no reason given"
+    assert format_last_tick([], replace(result, ending=Termination.CAPTURE)) == "nothing was seen of this match"

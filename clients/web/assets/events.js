@@ -1,4 +1,4 @@
-// What a tick did, as marks and sentences: the page knows no rules, and shows what it is told.
+// What a tick did, as marks and sentences: the page knows no rules, and shows what it is data.
 import { TEAMS } from "./board.js";
 
 /** The name of a unit, as in "blue UGV 2". */
