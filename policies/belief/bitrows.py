@@ -45,15 +45,6 @@ def count(rows: NDArray[np.uint64], side: int) -> int:
 
 
 @jit(inline=True)
-def first_cell(rows: NDArray[np.uint64], side: int) -> int:
-    """Return the first cell of a set, or -1."""
-    for row in range(side):
-        if rows[row] != NONE:
-            return row * side + int(lowest_bit(rows[row]))
-    return -1
-
-
-@jit(inline=True)
 def spread(rows: NDArray[np.uint64], allowed: NDArray[np.uint64], side: int) -> None:
     """Add to a set the allowed cells that are one step away; in place."""
     above = NONE

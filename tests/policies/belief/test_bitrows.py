@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from arena.game.types import STEPS
-from policies.belief.bitrows import UNREACHED, count, first_cell, flood, has, low_bits, spread
+from policies.belief.bitrows import UNREACHED, count, flood, has, low_bits, spread
 
 
 def pack(cells: np.ndarray) -> np.ndarray:
@@ -76,7 +76,6 @@ def test_a_set_knows_its_cells(side: int, seed: int) -> None:
     rows, places = pack(cells), np.flatnonzero(cells)
 
     assert count(rows, side) == len(places)
-    assert first_cell(rows, side) == (places[0] if len(places) else -1)
     assert [bool(has(rows, side, cell)) for cell in range(side * side)] == cells.ravel().tolist()
 
 
