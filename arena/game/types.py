@@ -28,10 +28,6 @@ class Action(IntEnum):
     WEST = 4
 
 
-STEPS = ((0, 0), (-1, 0), (0, 1), (1, 0), (0, -1))
-"""(rows, columns) that one step of each action goes."""
-
-
 class Code(IntEnum):
     """What a cell shows. Source: paper, Table 2."""
 

@@ -24,6 +24,7 @@ from arena.display.frame import describe_rules
 from arena.errors import BoardError
 from arena.game.board import parse_board
 from arena.game.engine import BatchedGame, lay_out
+from arena.game.kernel import step
 from arena.game.observation import find_legal_actions
 from arena.game.ruleset import UnitType, load
 from arena.game.types import Team
@@ -38,7 +39,7 @@ def play(board, orders, **changes):
     ruleset = load("paper").with_({"board": board, **changes})
     games = BatchedGame(ruleset, 1)
     lay_out(games.state, games.tables, 0, parse_board(board), ruleset)
-    games.step(np.array([orders], np.int8))
+    step(games.state, np.array([orders], np.int8), games.tables, np.zeros((4, 32), np.int64), True)
     return games
 
 def odds_of_falling(cell, at):

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from oracle import GO
 
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
-from arena.game.types import FLAGS, HALVES, STEPS, Code, Team
+from arena.game.types import FLAGS, HALVES, Code, Team
 from policies.training.allocator import KEEP
 from tournaments.cli import main
 
@@ -61,7 +62,7 @@ class PretendedMatch:
     def _move(self, team: Team, orders: NDArray[np.integer]) -> None:
         side = self.ruleset.side
         for index, unit in enumerate(self.units[team]):
-            rows, columns = STEPS[orders[index]]
+            rows, columns = GO.get(int(orders[index]), (0, 0))
             for _ in range(unit.step * int(self.alive[team][index])):
                 row, column = divmod(int(self.cell[team][index]), side)
                 row, column = row + rows, column + columns

@@ -36,7 +36,13 @@ def test_every_tick_is_told_as_it_was(file: Path) -> None:
     assert journal.ending is not None
     assert told["ending"] == journal.ending.to_dict()
     assert len(told["ticks"]) == len(journal.ticks) + 1
+    living = [[1] * 6] * 2
     for tick, games in zip(told["ticks"], replay(journal), strict=True):
+        before, living = living, [[alive for _, _, alive in team] for team in tick["units"]]
+        fell = [[team, unit] for team in Team for unit in range(6) if before[team][unit] and not living[team][unit]]
+        assert tick["events"]["fell"] == fell
+        assert all(unit in tick["events"]["fought"] for unit in fell)
+        assert bool(tick["events"]["captured"]) == (told["ending"]["ending"] == "capture" and tick is told["ticks"][-1])
         boards = [games.truth(0), *(games.grids()[team, 0] for team in Team)]
         for text, board in zip([tick["truth"], *tick["seen"]], boards, strict=True):
             assert np.array_equal(np.array([CODES.index(letter) - 1 for letter in text]), board.ravel())

@@ -11,7 +11,7 @@ from worlds import SEEDS, facts_of, facts_of_match, random_orders, rulesets, sca
 
 from arena.game.engine import BatchedGame
 from arena.game.ruleset import Ruleset, UnitType
-from arena.game.types import STEPS, Code, Team, Termination
+from arena.game.types import Code, Team, Termination
 
 
 @given(rulesets(), SEEDS, st.integers(1, 4))
@@ -171,7 +171,7 @@ def what_happened(match: oracle.Match, cells: list[oracle.Cell], alive: list[boo
         if orders[i] not in range(5):
             kinds.add("rubbish")
         elif orders[i] and match.units[i].kind.step:
-            down, right = STEPS[orders[i]]
+            down, right = oracle.GO.get(int(orders[i]), (0, 0))
             wanted[i] = cells[i][0] + down, cells[i][1] + right
     for i, cell in wanted.items():
         moved = match.units[i].cell != cells[i]

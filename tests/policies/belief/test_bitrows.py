@@ -5,8 +5,8 @@ from heapq import heappop, heappush
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from oracle import GO
 
-from arena.game.types import STEPS
 from policies.belief.bitrows import UNREACHED, count, flood, has, low_bits, spread
 
 
@@ -20,7 +20,7 @@ def unpack(rows: np.ndarray, side: int) -> np.ndarray:
 
 
 def neighbours(cell: tuple[int, int], side: int) -> list[tuple[int, int]]:
-    around = [(cell[0] + rows, cell[1] + columns) for rows, columns in STEPS[1:]]
+    around = [(cell[0] + rows, cell[1] + columns) for rows, columns in GO.values()]
     return [to for to in around if 0 <= to[0] < side and 0 <= to[1] < side]
 
 

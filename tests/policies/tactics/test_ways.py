@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracle import GO
 
-from arena.game.types import STEPS, Action, Code
+from arena.game.types import Action, Code
 from policies.belief.bitrows import UNREACHED
 from policies.tactics.moves import head_for
 from policies.tactics.paths import downhill, flood
@@ -19,7 +20,7 @@ def plain_search(ground: np.ndarray, goal: tuple[int, int]) -> np.ndarray:
     queue = deque([goal])
     while queue:
         row, column = queue.popleft()
-        for rows, columns in STEPS[1:]:
+        for rows, columns in GO.values():
             to = row + rows, column + columns
             on_board = 0 <= to[0] < len(ground) and 0 <= to[1] < len(ground)
             if on_board and ground[to] != Code.OBSTACLE and steps[to] == UNREACHED:
@@ -45,7 +46,7 @@ def test_a_flood_counts_the_steps_of_the_shortest_way(side: int, seed: int, shar
     assert not steps[0].any()
     row, column = rng.integers(side, size=2).tolist()
     action = downhill(ground, 1, side, row * side + column, steps)
-    rows, columns = STEPS[action]
+    rows, columns = GO.get(action, (0, 0))
     if ground[1, row * side + column] != Code.OBSTACLE and 0 < expected[row, column] < UNREACHED:
         assert expected[row + rows, column + columns] == expected[row, column] - 1
 
@@ -109,7 +110,8 @@ def test_a_unit_finds_its_way_round_what_is_in_its_way(name: str, word: int) -> 
 
     for _ in range(40):
         action, detour = head_for(ground, 0, 8, cell // 8, cell % 8, goal, np.uint8(0), 1, detour, np.uint64(word))
-        cell += STEPS[action][0] * 8 + STEPS[action][1]
+        rows, columns = GO.get(action, (0, 0))
+        cell += rows * 8 + columns
         assert ground[0, cell] != Code.OBSTACLE
 
     assert cell == goal
