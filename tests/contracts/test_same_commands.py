@@ -337,11 +337,11 @@ def test_a_league_is_played_stored_and_reported_as_before(
 def test_a_league_on_the_network_is_reported_as_before(
     here: Arena, same: Same, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)  # a report links to its journals from where it is written
     """Its matches were not played: they have faults, answer times, forfeits and a match that is missing."""
+    monkeypatch.chdir(tmp_path)  # a report links to its journals from where it is written
     league = parse_league(KEPT, "kept", tmp_path)
     with Store(str(tmp_path / "arena.db")) as store:
-        row = store.enter("kept", {**league.facts, "secret": "5" * 64}, league.n_pairs)
+        row = store.enter("kept", {**league.definition, "secret": "5" * 64}, league.n_pairs)
         for number, identity in enumerate(
             f"kept/ann/{other}/{pair:04}/{blue}-blue/0"
             for other in ("bob", "cid-2")
@@ -365,10 +365,8 @@ def test_a_league_on_the_network_is_reported_as_before(
                 for team in Team
             }
             if number != 5:
-                outcome = Outcome(
-                    identity=identity, blue=blue, red=other if blue == one else one, ending=ending, winner=winner, score=score,
-                    ticks=ticks, reason=reason, seats=seats,
-                )  # fmt: skip
+                result = MatchResult(ending=ending, winner=winner, score=score, ticks=ticks, reason=reason)
+                outcome = Outcome(identity=identity, blue=blue, red=other if blue == one else one, result=result, seats=seats)
                 assert store.add(row, outcome)
 
     report_in_every_format(here, same, "kept", tmp_path)
