@@ -18,6 +18,9 @@ from arena.game import compiled, rules
 PROBE = """
 import json, sys
 import numpy as np
+from arena.game import bits
+bits.lowest_bit = lambda word: (int(word) & -int(word)).bit_length() - 1  # what LLVM has, where nothing is compiled
+bits.popcount = lambda word: int(word).bit_count()
 from arena.game import rules
 exec(sys.argv[1])
 from arena.display.frame import describe_rules
@@ -29,9 +32,10 @@ from arena.game.observation import find_legal_actions
 from arena.game.ruleset import UnitType, load
 from arena.game.types import Team
 from clients.human.routes import Routes, lead
-from policies.belief.belief import know, make_belief
+from policies.belief.belief import make_belief
 from policies.belief.bitrows import low_bits
 from policies.belief.memory import Sight
+from policies.belief.team_rules import team_rules
 from policies.tactics.moves import is_open
 from policies.tactics.odds import can_hit, weigh
 
@@ -44,7 +48,7 @@ def play(board, orders, **changes):
 
 def odds_of_falling(cell, at):
     ruleset = load("paper").with_({"side": 4, "units": {"ugv": {"blue": 1, "red": 1}, "uav": {"blue": 0, "red": 0}}})
-    known, belief = know(ruleset, Team.BLUE), make_belief(ruleset, Team.BLUE, 1)
+    known, belief = team_rules(ruleset, Team.BLUE), make_belief(ruleset, Team.BLUE, 1)
     belief.enemy_half[0, :] = low_bits(4) & ~low_bits(2)
     one = np.ones((1, 1), np.int16)
     sight = Sight(np.zeros((1, 16), np.int8), cell * one, one, at * one, 0 * one, 0 * one, one[0], one, one[0], one[0])
@@ -58,7 +62,7 @@ def is_playable(board):
 
 wall, meet, flag = "F..f\\n.U#.\\n....\\nu...", "F..f\\n..U.\\n....\\n..u.", "F.Uf\\n....\\n....\\nu..."
 ground = parse_board(wall).ground.reshape(1, -1)
-known = know(load("paper"), Team.BLUE)
+known = team_rules(load("paper"), Team.BLUE)
 met = play(meet, [0, 0], random_combat=False)
 chance = play(meet, [0, 0])
 captured = play(flag, [2, 0]).state.field[0]

@@ -117,7 +117,7 @@ def test_a_cluster_gives_the_journals_of_the_local_venue(
     monkeypatch.delenv("RAY_ADDRESS", raising=False)  # one of its own
     wanted = plans(list(product(registry.OWN, repeat=2))[:: size(5, 1)])
 
-    played = list(cluster.play(PAPER, wanted, {name: name for name in registry.OWN}, journals=tmp_path))
+    played = list(cluster.play_on_cluster(PAPER, wanted, {name: name for name in registry.OWN}, journals=tmp_path))
 
     assert len(played) == len(wanted)
     for record in play(PAPER, wanted, registry.load, n_workers=1):

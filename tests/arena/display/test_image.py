@@ -175,7 +175,7 @@ def check_memory(seen: Observation, frame: ImageFrame) -> None:
 def test_every_code_and_every_mark_looks_different() -> None:
     """In colour, and in grey: blue and orange are not told apart by hue alone."""
     grid = np.array([[-1, 0, 1, 2], [3, 4, 5, 6], [7, 8, 0, 1], [0, 1, 0, 1]], np.int8)
-    plain = ImageFrame(title="", facts="", boards=(("", grid), ("", grid)))
+    plain = ImageFrame(title="", caption="", boards=(("", grid), ("", grid)))
     image = draw(plain, 24)
     cells = {}
     for code in Code:
@@ -189,7 +189,7 @@ def test_every_code_and_every_mark_looks_different() -> None:
     for number, one in enumerate(greys):
         assert all((np.abs(one - other) > 40).sum() > 20 for other in greys[:number])
     for marks in ({"fought": frozenset({(3, 3)})}, {"fallen": frozenset({(3, 3)})}, {"captured": frozenset({(3, 3)})}):
-        marked = draw(ImageFrame(title="", facts="", boards=plain.boards, **marks), 24)
+        marked = draw(ImageFrame(title="", caption="", boards=plain.boards, **marks), 24)
         changed = np.argwhere((np.asarray(marked) != np.asarray(image)).any(axis=2))
         assert len(changed) > 20
         assert (changed[:, 1] >= 24 * 6 + 24 * 3 - 3).all(), "a mark stands on the right board alone"
@@ -241,9 +241,9 @@ def test_below_the_boards_stands_what_the_shapes_mean() -> None:
     legends = {}
     for side in (4, 20):
         grid = np.full((side, side), Code.BLUE_HALF, np.int8)
-        frame = ImageFrame(title="", facts="", boards=(("", grid), ("", grid)))
+        frame = ImageFrame(title="", caption="", boards=(("", grid), ("", grid)))
         image = draw(frame, 16)
-        assert image.size == draw(ImageFrame(title="t", facts="f", boards=frame.boards, fallen=frozenset({(1, 1)})), 16).size
+        assert image.size == draw(ImageFrame(title="t", caption="f", boards=frame.boards, fallen=frozenset({(1, 1)})), 16).size
         below = np.asarray(image.convert("L"), int)[16 * 4 + 16 * side + 1 :]
         legends[side] = int(below.shape[0] / 16)
         ink = np.argwhere(below < 200)

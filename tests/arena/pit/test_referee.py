@@ -51,7 +51,7 @@ class Network:
         return self.put[key].append, lambda: None
 
     def broadcast(self, key: str) -> Any:
-        return SimpleNamespace(put=self.put[key].append, end=lambda: None, is_heard=False)
+        return SimpleNamespace(put=self.put[key].append, end=lambda: None, has_subscribers=False)
 
     def collect(self, key: str, most: int) -> Any:
         beat = SimpleNamespace(key_expr=topics.beat("pit"), payload=Bytes())
@@ -66,7 +66,7 @@ class Network:
     def watch_presence(self, key: str, on_change: Callable[[str, bool], None]) -> None:
         """Nobody comes or goes."""
 
-    def beat(self, key: str, period_s: float) -> Callable[[], None]:
+    def heartbeat(self, key: str, period_s: float) -> Callable[[], None]:
         return lambda: None
 
 
