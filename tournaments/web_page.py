@@ -4,7 +4,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from arena.extras import needs
 from arena.network.address import Address
 
 _GOODBYE_S = 5.0
-_EVERYWHERE = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
 
 
 def check() -> None:
@@ -28,7 +26,7 @@ def web_page(address: Address, port: int, data: Path, db: str, authority: Path |
 
     The page ends with its stdin, so it does not outlive a pit that is killed; and Ctrl-C is for the pit, which ends it.
     """
-    command = [sys.executable, "-c", "from tournaments.cli import main; main()", "web", "--pit", str(_from_here(address))]
+    command = [sys.executable, "-c", "from tournaments.cli import main; main()", "web", "--pit", str(address.from_here())]
     command += ["--port", str(port), "--data", str(data), "--ends-with-stdin"]
     command += ["--db", db] if db else []
     command += ["--authority", str(authority)] if authority is not None else []
@@ -42,10 +40,3 @@ def web_page(address: Address, port: int, data: Path, db: str, authority: Path |
                 process.wait(_GOODBYE_S)
             except subprocess.TimeoutExpired:
                 process.kill()
-
-
-def _from_here(address: Address) -> Address:
-    """Return where this machine reaches a pit that may listen everywhere."""
-    protocol, _, where = address.endpoint.partition("/")
-    host, _, port = where.rpartition(":")
-    return replace(address, endpoint=f"{protocol}/{_EVERYWHERE.get(host, host)}:{port}")

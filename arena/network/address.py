@@ -1,6 +1,6 @@
 """Where a pit is: `arena://HOST:PORT/PIT#PUBLICKEY`, or `arena+tls://`, as `arena serve` prints it and `arena join` takes it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from urllib.parse import urlsplit
 
 from arena.errors import InputError
@@ -10,6 +10,8 @@ from arena.protocol.topics import check_chunk
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 DEFAULT_PIT = "pit"
 _PROTOCOLS = {"arena": "tcp", "arena+tls": "tls"}
+_LOOPBACK = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
+"""Where this machine reaches a pit that listens everywhere."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,6 +28,12 @@ class Address:
         protocol, _, where = self.endpoint.partition("/")
         scheme = "arena+tls" if protocol == "tls" else "arena"
         return f"{scheme}://{where}/{self.pit}{'#' if self.fingerprint else ''}{self.fingerprint}"
+
+    def from_here(self) -> "Address":
+        """Return how this machine reaches its own pit: one that listens everywhere is also on loopback."""
+        protocol, _, where = self.endpoint.partition("/")
+        host, _, port = where.rpartition(":")
+        return replace(self, endpoint=f"{protocol}/{_LOOPBACK[host]}:{port}") if host in _LOOPBACK else self
 
 
 def parse_address(text: str) -> Address:

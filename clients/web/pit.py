@@ -216,7 +216,7 @@ def _describe_frame(watch: Watch, frame: Frame, ruleset: Ruleset) -> dict[str, A
     assert frame.units is not None
     before, units = watch.units, [[(unit.row, unit.column, unit.alive) for unit in team] for team in frame.units]
     watch.units = units
-    frame_data = describe_tick(
+    described = describe_tick(
         frame.tick,
         score=frame.score,
         living=frame.living or (0, 0),
@@ -225,7 +225,7 @@ def _describe_frame(watch: Watch, frame: Frame, ruleset: Ruleset) -> dict[str, A
         units=units,
         events=find_events(ruleset, before, units),
     )
-    return {"kind": "frame", **frame_data}
+    return {"kind": "frame", **described}
 
 
 def _describe_ending(frame: Frame) -> dict[str, Any]:

@@ -23,12 +23,6 @@ def address_of(setting: VenueSetting) -> Address:
     return Address(endpoint=setting.listen or f"tcp/127.0.0.1:{free_port()}", pit=_PIT, fingerprint=pit.fingerprint)
 
 
-def near(address: Address) -> Address:
-    """Return how an address is reached from this machine: a pit that listens everywhere is also on loopback."""
-    endpoint = address.endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
-    return replace(address, endpoint=endpoint)
-
-
 def invitations(setting: VenueSetting, address: Address) -> dict[str, str]:
     """Return the command with which each entry joins that comes by itself."""
     return {name: f"arena join '{address}' --name {name} --key FILE --slots {setting.slots} --forever" for name in setting.remote}
@@ -57,7 +51,7 @@ def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]
         referee = processes.enter_context(RefereeProcess(replace(setting, on_open=ignore_invitations), address, entries))
         referee.start(list(left.values()))
         setting.on_open(invitations(setting, address))
-        clients = [processes.enter_context(ClientProcess(setting, near(address), name)) for name in ours]
+        clients = [processes.enter_context(ClientProcess(setting, address.from_here(), name)) for name in ours]
         while left:
             is_gone = False
             try:

@@ -69,3 +69,16 @@ def test_what_is_no_address_is_refused_in_a_sentence(text: str) -> None:
         parse_address(text)
 
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "here"),
+    [
+        ("tcp/0.0.0.0:7447", "tcp/127.0.0.1:7447"),
+        ("tls/[::]:7447", "tls/[::1]:7447"),
+        ("tcp/10.0.0.0:7447", "tcp/10.0.0.0:7447"),
+        ("unixsock-stream//run/pit", "unixsock-stream//run/pit"),
+    ],
+)
+def test_a_pit_that_listens_everywhere_is_reached_on_loopback(endpoint: str, here: str) -> None:
+    assert Address(endpoint=endpoint, pit="pit", fingerprint="").from_here() == Address(endpoint=here, pit="pit")

@@ -16,7 +16,7 @@ import pytest
 from arena.game.ruleset import load
 from arena.keyring.files import make
 from arena.match.time_control import TimeControl
-from tournaments.venues.network import address_of, invitations, near
+from tournaments.venues.network import address_of, invitations
 from tournaments.venues.setting import VenueSetting
 
 ARENA = [sys.executable, "-c", "from tournaments.cli import main; main()"]
@@ -111,6 +111,6 @@ def test_who_listens_everywhere_is_reached_on_loopback(tmp_path: Path) -> None:
     address = address_of(setting)
 
     assert address.endpoint == "tcp/0.0.0.0:7447"
-    assert near(address).endpoint == "tcp/127.0.0.1:7447"
-    assert near(address).fingerprint == address.fingerprint
+    assert address.from_here().endpoint == "tcp/127.0.0.1:7447"
+    assert address.from_here().fingerprint == address.fingerprint
     assert str(address) in invitations(setting, address)["far"]
