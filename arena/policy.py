@@ -108,6 +108,10 @@ Act = Callable[[Observation], Sequence[int]]
 """A fighter without memory."""
 
 
+class Thinking(Exception):
+    """A policy needs longer, as a person does, or a process: nothing has changed, and it is to be called again with the same."""
+
+
 class BatchPolicy(ABC):
     """A fighter for many seats at once, all of one team. Seats start and end independently of each other."""
 

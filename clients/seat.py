@@ -12,7 +12,7 @@ import numpy as np
 from arena.errors import UnreadableError
 from arena.game.ruleset import Ruleset, from_dict
 from arena.game.types import Team
-from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
+from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult, Thinking
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn
 from arena.protocol.observation_codec import ObservationReader
 from arena.protocol.topics import is_chunk
@@ -48,10 +48,6 @@ def read_rules(values: Mapping[str, Any]) -> Ruleset:
     """Return the ruleset of a ticket or a lobby; `InputError` if it is none that this version knows."""
     rest = dict(values)
     return from_dict(str(rest.pop("name", "unnamed")), rest)
-
-
-class Thinking(Exception):
-    """A policy, such as a person, needs longer: nothing has changed, and the same message is to be received again later."""
 
 
 class Seat:

@@ -3,12 +3,13 @@
 from contextlib import suppress
 
 from arena.errors import ForgedError, ProtocolError, RefusedError
+from arena.policy import Thinking
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Ended, Message, Orders, Signed, Ticket
 from arena.protocol.signed import read_statement, sign_receipt
-from clients.seat import Seat, Thinking
+from clients.seat import Seat
 
 
 class SeatSession:

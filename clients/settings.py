@@ -26,7 +26,7 @@ class ClientSettings:
     patience_s: float = 60.0
     """How long to look for a pit that was lost."""
     is_patient: bool = False
-    """Whether the policy may raise `clients.seat.Thinking`, to be asked again."""
+    """Whether the policy may raise `arena.policy.Thinking`, to be asked again."""
     rules_hash: str = ""
     identity: Identity = field(default_factory=Identity.make)
     """Of the entry."""

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from arena.game.observation import Observation, Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team
-from arena.policy import BatchPolicy, MatchResult, Orders
+from arena.policy import BatchPolicy, MatchResult, Orders, Thinking
 from clients.human.commander import Commander
 from clients.human.view_model import ViewModel
-from clients.seat import Seat, Thinking
+from clients.seat import Seat
 from policies.registry import load
 
 MARGIN_S = 0.75

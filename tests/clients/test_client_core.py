@@ -13,7 +13,7 @@ from arena.game.keys import MatchKeys
 from arena.game.observation import Observations
 from arena.game.ruleset import load, to_dict
 from arena.game.types import Team
-from arena.policy import BatchPolicy
+from arena.policy import BatchPolicy, Thinking
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import new_secret, open_request, sign_challenge
@@ -45,7 +45,7 @@ from arena.records.transcript import Head
 from clients import events
 from clients.audit import Verdict
 from clients.core import ANSWER_S, MOST_UNANSWERED, PROBE_S, SILENCE_S, ClientCore
-from clients.seat import Seat, Thinking
+from clients.seat import Seat
 from clients.settings import ClientSettings
 
 RULES = load("paper").with_({"side": 10})

@@ -12,11 +12,11 @@ from arena.game.types import Action, Team, Termination
 from arena.match.effects import Ask
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
-from arena.policy import MatchResult
+from arena.policy import MatchResult, Thinking
 from arena.protocol.messages import Ended, History, Orders, Ticket, Turn
 from arena.records.journal import Header
 from clients.human.turn_mailbox import MARGIN_S, TurnMailbox
-from clients.seat import Seat, Thinking
+from clients.seat import Seat
 
 RULES = load("paper").with_({"side": 10})
 N_UNITS = len(RULES.team(Team.RED))

@@ -17,10 +17,11 @@ from arena.game.types import Action, Code, Team
 from arena.match.effects import Ask, End
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
+from arena.policy import Thinking
 from arena.protocol.messages import Ended, Ticket, Turn
 from arena.records.journal import Header
 from clients.human.turn_mailbox import TurnMailbox
-from clients.seat import Seat, Thinking
+from clients.seat import Seat
 from clients.terminal.app import Over, PitApp
 from policies import registry
 
