@@ -91,7 +91,8 @@ def why_no_wall() -> str | None:
     said = (tried.stderr.strip().splitlines() or [f"exit code {tried.returncode}"])[-1]
     return (
         f"this machine lets us make no namespaces ({said}); an administrator can allow it: sysctl "
-        "user.max_user_namespaces=10000, kernel.unprivileged_userns_clone=1 or kernel.apparmor_restrict_unprivileged_userns=0, whichever the kernel has"
+        "user.max_user_namespaces=10000, kernel.unprivileged_userns_clone=1 or "
+        "kernel.apparmor_restrict_unprivileged_userns=0, whichever the kernel has"
     )
 
 

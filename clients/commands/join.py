@@ -123,7 +123,8 @@ def join(
 
 
 def _note(file: Path | None, limit: str) -> None:
-    """Leave word that the policy met a limit, for whoever started this client."""
+    """Say that the policy met a limit, and leave word for whoever started this client."""
+    typer.echo(f"the policy met its limit of {limit}", err=True)
     if file is not None:
         with file.open("a", encoding="utf-8") as notes:
             notes.write(f"{limit}\n")

@@ -8,7 +8,7 @@ import atexit
 import os
 import shlex
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Condition
@@ -29,7 +29,7 @@ from policies.each_seat import UNREADABLE
 from policies.program import PREFIX as PROGRAM
 from policies.workers.worker import OutputLog, Worker
 
-_LOAD_S = 60.0
+LOAD_S = 60.0
 """A fighter that is not loaded by then is taken not to load at all."""
 
 
@@ -48,6 +48,8 @@ class WorkerFactory:
         Called from another thread when a policy that raised `Thinking` may have its answer. Without it, policies wait.
     on_limit
         Called from another thread with what limit a process met.
+    patience_s
+        How long to wait for an answer, without `wake`; a process that takes longer is ended.
     """
 
     most_seats = 8
@@ -62,10 +64,11 @@ class WorkerFactory:
         n_spare: int = 0,
         wake: Callable[[], None] | None = None,
         on_limit: Callable[[str], None] = lambda _: None,
+        patience_s: float | None = None,
     ) -> None:
         self.spec, self.wake, self.on_limit = spec, wake, on_limit
         self._sandbox = Sandbox(has_wall=has_wall, limits=limits, readable=tuple(_files_of(spec)))
-        self._n_spare = n_spare
+        self._n_spare, self._patience_s = n_spare, patience_s
         self._log = OutputLog(limits)
         self._spare: deque[Worker] = deque()
         self._workers: set[Worker] = set()
@@ -91,9 +94,10 @@ class WorkerFactory:
         self._sandbox.check()
         worker = self.acquire()
         with self._changed:
-            self._changed.wait_for(lambda: worker.is_loaded or worker.failure is not None, _LOAD_S)
+            patience_s = self._patience_s or LOAD_S
+            self._changed.wait_for(lambda: worker.is_loaded or worker.failure is not None, patience_s)
         if not worker.is_loaded:
-            worker.kill()
+            worker.kill(f"it was not ready after {patience_s:g} s")
             raise PolicyError(f"{self.spec} cannot start: {worker.failure}")
         if not self.is_shared:
             self._spare.append(worker)
@@ -121,10 +125,14 @@ class WorkerFactory:
         self._next_seat += 1
         return self._next_seat
 
-    def wait(self, is_ready: Callable[[], bool]) -> None:
-        """Wait until something is so that changes when a process says something."""
+    def wait(self, workers: Iterable[Worker], are_ready: Callable[[], bool]) -> None:
+        """Wait until something is so that changes when a process says something; end those that keep us waiting for too long."""
         with self._changed:
-            self._changed.wait_for(is_ready)
+            is_so = self._changed.wait_for(are_ready, self._patience_s)
+        if not is_so:
+            for worker in workers:
+                worker.kill(f"it did not answer within {self._patience_s:g} s")
+            are_ready()
 
     def close(self) -> None:
         """End all processes."""
@@ -250,7 +258,7 @@ class WorkerPolicy(BatchPolicy):
             return n_ready == len(rows)
 
         if self._factory.wake is None:
-            self._factory.wait(are_ready)
+            self._factory.wait((row.worker for row in rows if not is_ready(row)), are_ready)
         elif not are_ready():
             raise Thinking
 

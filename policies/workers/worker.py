@@ -136,8 +136,9 @@ class Worker:
             logger.info("a fighter's process has ended before it was told to")
         self._wake()
 
-    def kill(self) -> None:
-        """End it now, and wait until it has ended."""
+    def kill(self, why: str = "it was told to end") -> None:
+        """End it now, and wait until it has ended; nothing is done if it has."""
+        self.failure = self.failure or why
         self._end_by_s = 0.0
         self._wake()
         self._listener.join()
@@ -217,7 +218,6 @@ class Worker:
         return f"{_WORDS[name]} ({name} = {getattr(self._limits, name)})"
 
     def _note(self, name: str) -> None:
-        logger.warning("a fighter met its limit of %s", self._describe(name))
         self._on_limit(_WORDS[name])
 
 
