@@ -81,7 +81,7 @@ def why_no_wall() -> str | None:
         return f"bubblewrap is not on this machine; {_INSTALL}"
     try:
         tried = subprocess.run(
-            wall_command([sys.executable, "-I", "-c", "import numpy"], limits=BEHIND_A_WALL),
+            wall_command([sys.executable, "-I", "-S", "-c", "0"], limits=BEHIND_A_WALL),
             capture_output=True, text=True, timeout=_TRY_S, check=False, stdin=subprocess.DEVNULL,
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as error:

@@ -52,7 +52,7 @@ class ControlGroup:
         return group
 
     @property
-    def doors(self) -> list[str]:
+    def entrances(self) -> list[str]:
         """The files into which a process writes its number to come under the group."""
         return [str(folder / "cgroup.procs") for folder in self._distinct]
 

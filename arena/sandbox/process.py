@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from arena.errors import InputError
 from arena.sandbox import launcher
@@ -17,8 +17,6 @@ from arena.sandbox.bubblewrap import wall_command, why_no_limits, why_no_wall
 from arena.sandbox.control_group import ControlGroup
 from arena.sandbox.limits import Limits
 
-_ENTER = 'while [ "$1" != -- ]; do echo $$ >"$1" || exit 125; shift; done; shift; exec "$@"'
-"""Enters the control groups whose files come before `--`, and becomes the command behind it."""
 _OUT_OF_TIME = {128 + signal.SIGXCPU, -signal.SIGXCPU}
 _KILLED = {128 + signal.SIGKILL, -signal.SIGKILL}
 
@@ -67,13 +65,13 @@ class SandboxedProcess:
         self._group = ControlGroup.make(limits)
         if self._group is not None:  # it counts memory better than the address space does
             limits = replace(limits, memory_mb=None)
-        if not sandbox.has_wall:
-            limits = replace(limits, disk_mb=None)
-        launched = [sys.executable, "-I", "-S", launcher.__file__, json.dumps(asdict(limits)), *command]
+        outside: dict[str, Any] = {"parent": os.getpid(), "groups": [] if self._group is None else self._group.entrances}
         if sandbox.has_wall:
-            launched = wall_command(launched, readable=sandbox.readable, environment=environment, limits=sandbox.limits)
-        if self._group is not None:
-            launched = ["/bin/sh", "-c", _ENTER, "sh", *self._group.doors, "--", *launched]
+            behind = _launch({"limits": asdict(limits)}, command)
+            behind = wall_command(behind, readable=sandbox.readable, environment=environment, limits=sandbox.limits)
+            launched = _launch(outside, behind)
+        else:
+            launched = _launch({**outside, "limits": asdict(replace(limits, disk_mb=None))}, command)
         self.process = subprocess.Popen(
             launched,
             stdin=subprocess.PIPE if log is None else subprocess.DEVNULL,
@@ -127,3 +125,7 @@ class SandboxedProcess:
         if code in _OUT_OF_TIME or is_killed:
             met.append("cpu_s")
         return met
+
+
+def _launch(order: dict[str, Any], command: Sequence[str]) -> list[str]:
+    return [sys.executable, "-I", "-S", launcher.__file__, json.dumps(order), *command]
