@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from arena.errors import ArenaError, JournalError
+from arena.files import read_file
 from arena.pit.events import UnfinishedFound
 from arena.protocol.codec import encode
 from arena.protocol.messages import JournalPiece, Refusal
@@ -59,10 +60,13 @@ def find_unfinished(folder: Path) -> Iterator[UnfinishedFound]:
     """Yield the matches that a pit left unfinished."""
     for path in sorted(folder.glob("*.journal")):
         try:
-            whole = whole_part(path.read_bytes())
+            whole = whole_part(read_file(path))
             journal = read_journal(whole)
         except JournalError as error:
             logger.warning("%s cannot be resumed: %s", path.name, error)
+            continue
+        except OSError as error:
+            logger.warning("%s cannot be resumed: %s", path.name, error.strerror)
             continue
         if journal.ending is None and journal.seals is not None:
             yield UnfinishedFound(path.name, journal, journal.seals.entries, len(whole))

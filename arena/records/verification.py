@@ -7,6 +7,7 @@ from enum import Enum
 from arena.errors import ForgedError
 from arena.game.types import Team
 from arena.protocol.codec import encode
+from arena.protocol.identity import to_text
 from arena.protocol.messages import Commitment, Receipt, Signed
 from arena.protocol.observation_codec import ObservationWriter, without_clock
 from arena.protocol.signed import check_journal, check_receipt, commit, read_statement
@@ -38,9 +39,14 @@ class Checked:
 
     @property
     def is_sound(self) -> bool:
-        """Whether nothing is forged, and the pit's own word is not against itself."""
+        """Whether nothing is forged, and the pit's own word is not against itself; the pit may not have signed yet."""
         standings = (self.commitment, self.signature, *self.receipts.values())
         return Standing.FORGED not in standings and self.commitment is Standing.HOLDS
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether the pit stands for how the match ended. Without that, anyone can write another ending behind its ticks."""
+        return self.is_sound and self.signature is Standing.HOLDS
 
 
 def watch(journal: Journal) -> list[list[bytes]]:
@@ -82,6 +88,11 @@ def compare(journal: Journal, transcript: Transcript) -> str:
         return f"the transcript is of match {header.match}, the journal of {match}"
     if header.commitment != commit(match, journal.header.keys):
         return "the journal's keys are not those that the pit committed itself to"
+    seals = journal.seals
+    if seals is not None and seals.pit_key != header.pit_key:
+        return f"the transcript is of the pit {to_text(header.pit_key)}, the journal of {to_text(seals.pit_key)}"
+    if seals is not None and seals.entries[header.team] != header.entry_key:
+        return f"the transcript is of the entry {to_text(header.entry_key)}, the journal of {to_text(seals.entries[header.team])}"
     shown, told = watch(journal)[header.team], transcript.ending
     for tick, (seen, (observation, orders)) in enumerate(zip(shown, transcript.ticks, strict=False)):
         if seen != without_clock(observation):

@@ -4,6 +4,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from arena.errors import InputError
+from arena.files import read_file
 from arena.protocol.identity import from_text
 from policies.program import PREFIX as PROGRAM
 
@@ -46,6 +47,6 @@ def fingerprint_of(spec: str) -> str:
         return spec
     path = Path(spec)
     try:
-        return f"{path.name} {sha256(path.read_bytes()).hexdigest()}"
+        return f"{path.name} {sha256(read_file(path)).hexdigest()}"
     except OSError as error:
         raise InputError(f"cannot read the {kind} {spec}: {error.strerror}") from error

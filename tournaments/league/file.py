@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from arena.errors import InputError, UnknownNameError
+from arena.files import read_text
 from arena.game.keys import KEY_BYTES
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
@@ -50,7 +51,7 @@ def load_league(name_or_file: str) -> League:
         return parse_league(text, name_or_file, Path())
     path = Path(name_or_file)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except OSError as error:
         raise LeagueError(f"cannot read the league {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
