@@ -75,6 +75,10 @@ class VersionError(UnreadableError):
     """A message of another version of the protocol."""
 
 
+class ReplayedError(ProtocolError):
+    """A genuine message comes again, or behind one that was sent after it."""
+
+
 class ForgedError(ProtocolError):
     """A seal or a signature that does not hold."""
 

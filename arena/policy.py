@@ -109,7 +109,21 @@ Act = Callable[[Observation], Sequence[int]]
 
 
 class Thinking(Exception):
-    """A policy needs longer, as a person does, or a process: nothing has changed, and it is to be called again with the same."""
+    """A policy needs longer, as a person does, or a process: `start` or `act` is to be called again with the same arguments.
+
+    A client that plays over the network calls again, many times if need be; no other venue does. `end` may come in between, and
+    ends the match for the policy, whether `start` has returned or not.
+
+    Parameters
+    ----------
+    has_seen
+        The policy has taken in what it was shown and owes the answer alone; where no answer is of use any more, as with what it
+        missed while it was away, it is not called again.
+    """
+
+    def __init__(self, *, has_seen: bool = False) -> None:
+        super().__init__()
+        self.has_seen = has_seen
 
 
 class BatchPolicy(ABC):

@@ -125,7 +125,7 @@ class ClientCore:
             case events.ReplyReceived():
                 self._on_reply(event.query, event.payload, now_s)
             case events.Woken():
-                self._ask_policies_again()
+                self._think()
             case events.Connected():
                 self._connected_at_s = now_s
             case events.Disconnected():
@@ -138,21 +138,23 @@ class ClientCore:
         if slot.session is None or not slot.is_open:
             return
         try:
-            answer = slot.session.receive(payload)
+            said = slot.session.receive(payload)
         except ProtocolError as error:
             logger.info("dropped a message on the seat's key that the referee did not send: %s", error)
             return
         slot.has_heard = True
-        if answer is not None:
-            self._effects.append(events.Publish(slot.number, answer))
+        self._publish(slot, said)
         if slot.session.seat.ended is not None:
             self._end(slot, slot.session, now_s)
 
-    def _ask_policies_again(self) -> None:
+    def _think(self) -> None:
+        """Go on with every policy that needed longer."""
         for slot in self._slots:
-            answer = slot.session.ask_policy_again() if slot.session is not None and slot.is_open else None
-            if answer is not None:
-                self._effects.append(events.Publish(slot.number, answer))
+            if slot.session is not None and slot.is_open:
+                self._publish(slot, slot.session.think())
+
+    def _publish(self, slot: _Slot, said: list[bytes]) -> None:
+        self._effects += [events.Publish(slot.number, payload) for payload in said]
 
     def _end(self, slot: _Slot, session: SeatSession, now_s: float) -> None:
         """Leave a match that is over, and go on to the next."""
@@ -178,7 +180,7 @@ class ClientCore:
 
     def _on_clock(self, now_s: float) -> None:
         for slot in self._slots:
-            if slot.has_heard:
+            if slot.has_heard or (slot.session is not None and slot.session.seat.owes_ready):
                 slot.has_heard, slot.heard_at_s = False, now_s  # silence begins now, however long the policy thought
             if slot.is_done:
                 continue
@@ -187,9 +189,10 @@ class ClientCore:
             ):
                 self._effects.append(events.Reconnect())
                 return
-            if slot.question is None and (not slot.is_open or now_s - slot.heard_at_s > SILENCE_S):
+            is_behind = slot.session is not None and slot.session.seat.is_behind
+            if slot.question is None and (not slot.is_open or is_behind or now_s - slot.heard_at_s > SILENCE_S):
                 self._ask(slot, now_s)
-        self._ask_policies_again()
+        self._think()
 
     def _ask(self, slot: _Slot, now_s: float) -> None:
         """Ask for a seat, or, with one, whether its match still runs; unless that was asked already."""
@@ -297,7 +300,7 @@ class ClientCore:
         if not slot.is_open:
             self._effects.append(events.OpenSeat(slot.number, ticket.match, seat.team))
             slot.is_open = True
-        self._effects.append(events.Publish(slot.number, slot.session.ready()))
+        self._publish(slot, slot.session.listen())
 
     def _on_late_ending(self, slot: _Slot, session: SeatSession, signed: Signed, now_s: float) -> None:
         """Learn how the match ended while this client was away."""

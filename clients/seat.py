@@ -1,15 +1,20 @@
 """One seat of one match as its client sees it, without I/O: the referee's messages go in, the answers come out.
 
-The policy is asked once for each tick, whatever is sent twice, lost, or sent again after a restart of either side.
+The policy is asked once for each tick, whatever is sent twice, lost, or sent again after a restart of either side. A policy may
+need longer (`arena.policy.Thinking`), and nothing here waits for it: what arrives meanwhile stays in line, and is shown to it one
+tick after the other. An answer that the referee does not wait for any more is not sent.
 """
 
+from collections import deque
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from arena.errors import UnreadableError
+from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, from_dict
 from arena.game.types import Team
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult, Thinking
@@ -50,6 +55,14 @@ def read_rules(values: Mapping[str, Any]) -> Ruleset:
     return from_dict(str(rest.pop("name", "unnamed")), rest)
 
 
+class _Shown(NamedTuple):
+    """What the policy is to be shown of a tick."""
+
+    observation: bytes
+    played: bytes | None
+    """The orders that were played, if that is history."""
+
+
 class Seat:
     """A policy that plays one seat."""
 
@@ -58,10 +71,21 @@ class Seat:
         self.ruleset, self.team = read_ticket(ticket)
         self.ended: Ended | None = None
         self.known_ticks = 0
-        """Observations that the policy has been shown."""
+        """Observations that the policy has been shown, and has answered."""
+        self.is_behind = False
+        """Whether a turn was lost on its way; the referee sends what is missing to who takes the seat again."""
         self._reader = ObservationReader(self.ruleset, self.team)
+        self._in_memory: tuple[bytes, Observations] | None = None
+        """The observation that was read last: its bytes, and what they say."""
         self._policy: BatchPolicy = make(self.ruleset, self.team, 1)
-        self._policy.start(_SEAT)
+        self._has_started = False
+        self._must_say_ready = False
+        self._waiting: deque[_Shown] = deque()
+        """Tick by tick from `known_ticks` on; the policy may be thinking about the first. A match has no more than its ticks."""
+        self._caught_up_at: int | None = None
+        """The tick at which the history ends that the policy is being shown."""
+        self._asked_tick = -1
+        """The tick that the referee asked for last."""
         self._orders = np.zeros((1, len(self.ruleset.team(self.team))), np.int8)
         self._answers: list[bytes] = []
         """The policy's answer to each observation, for a resend."""
@@ -78,29 +102,65 @@ class Seat:
         """The answer to each tick so far, a byte per unit."""
         return self._answers
 
+    @property
+    def owes_ready(self) -> bool:
+        """Whether the policy still starts, or sees its history: the referee has nothing to say until then."""
+        return self._must_say_ready or (self._caught_up_at is not None and bool(self._waiting))
+
     def keep(self, transcript: TranscriptWriter) -> None:
         """Write what this seat is shown to a transcript."""
         self._transcript = transcript
 
-    def ready(self) -> Ready:
-        """Return the message that this seat is subscribed, for the first time or again."""
-        return Ready(known_ticks=self.known_ticks)
+    def listen(self) -> list[Message]:
+        """Take the seat, for the first time or again; return what is to be said, `Ready` once the policy has started."""
+        self.is_behind, self._must_say_ready = False, True
+        if self._caught_up_at is not None:  # the rest is sent again; the policy may be thinking about the first
+            self._caught_up_at = None
+            while len(self._waiting) > 1:
+                self._waiting.pop()
+        return self.think()
 
-    def receive(self, message: Message) -> Message | None:
-        """Take a message, and return the answer if it wants one; `Thinking`, and nothing has changed, if that takes longer."""
+    def receive(self, message: Message) -> list[Message]:
+        """Take a message, and return what is to be said.
+
+        Raises
+        ------
+        UnreadableError
+            No referee says this; nothing has changed.
+        """
         if self.ended is not None:
-            return None
+            return []
         if type(message) is Turn:
-            return self._answer(message)
+            return self._take_turn(message)
         if type(message) is History:
-            self._catch_up(message)
-        elif type(message) is Ended:
-            result = read_result(message).seen_by(self.team)
-            self.ended = message
-            self._policy.end(0, result)
-            if self._transcript is not None:
-                self._transcript.end(result)
-        return None
+            return self._take_history(message)
+        if type(message) is Ended:
+            self._end(message)
+        return []
+
+    def think(self) -> list[Message]:
+        """Go on where the policy needed longer, and return what is to be said."""
+        said: list[Message] = []
+        if self.ended is not None:
+            return said
+        with suppress(Thinking):
+            if not self._has_started:
+                self._policy.start(_SEAT)
+                self._has_started = True
+            if self._must_say_ready:
+                self._must_say_ready = False
+                said.append(self._ready())
+            while self._waiting:
+                tick = self.known_ticks
+                self._show(self._waiting[0])
+                self._waiting.popleft()
+                if tick == self._asked_tick:
+                    said.append(self._orders_of(tick))
+                if self.known_ticks == self._caught_up_at:
+                    self._caught_up_at = None
+                    if not self._waiting:  # else the referee has asked already
+                        said.append(self._ready())
+        return said
 
     def result(self) -> MatchResult:
         """Return how the match ended, from this side."""
@@ -112,36 +172,79 @@ class Seat:
         """Return the policy's faults since the last call."""
         return self._policy.take_faults(0)
 
-    def _answer(self, turn: Turn) -> Message | None:
+    @property
+    def _n_received(self) -> int:
+        """Observations without a gap from the first: those that the policy has been shown, and those that wait."""
+        return self.known_ticks + len(self._waiting)
+
+    def _ready(self) -> Ready:
+        return Ready(known_ticks=self._n_received)
+
+    def _orders_of(self, tick: int) -> Orders:
+        return Orders(tick=tick, actions=self._answers[tick])
+
+    def _take_turn(self, turn: Turn) -> list[Message]:
         if turn.tick < 0:
             raise UnreadableError(f"there is no tick {turn.tick}")
-        if turn.tick > self.known_ticks:
-            return self.ready()
-        if turn.tick == self.known_ticks:
-            self._ask_policy(turn.observation)
-        return Orders(tick=turn.tick, actions=self._answers[turn.tick])
+        if turn.tick > self._n_received:
+            self.is_behind = True
+            return []
+        if turn.tick == self._n_received:
+            self._read(turn.observation, turn.tick)
+            self._waiting.append(_Shown(turn.observation, None))
+        self._asked_tick = turn.tick
+        if turn.tick < self.known_ticks:
+            return [self._orders_of(turn.tick)]
+        return self.think()
 
-    def _catch_up(self, history: History) -> None:
-        """Show the policy what it missed; its actions then are of no use any more."""
-        if not 0 <= history.first_tick <= self.known_ticks:
-            return
-        known = self.known_ticks - history.first_tick
-        for observation, orders in zip(history.observations[known:], history.orders[known:], strict=False):
-            self._ask_policy(observation, orders)
+    def _take_history(self, history: History) -> list[Message]:
+        """Have the policy shown what it missed; its actions then are of no use any more."""
+        n_received = self._n_received
+        n_known = n_received - history.first_tick
+        if history.first_tick < 0 or n_known < 0:
+            return []
+        missed = list(zip(history.observations[n_known:], history.orders[n_known:], strict=False))
+        for tick, (observation, _) in enumerate(missed, start=n_received):
+            self._read(observation, tick)
+        self._waiting += [_Shown(*one) for one in missed]
+        self.is_behind = False
+        if history.end_tick > self.known_ticks:
+            self._caught_up_at = history.end_tick
+        return self.think()
 
-    def _ask_policy(self, data: bytes, played: bytes | None = None) -> None:
+    def _read(self, data: bytes, tick: int) -> Observations:
+        """Return an observation in memory that the next call overwrites."""
+        if tick >= self.ruleset.tick_limit:
+            raise UnreadableError(f"there is no tick {tick} in matches of {self.ruleset.tick_limit} ticks")
+        if self._in_memory is None or data is not self._in_memory[0]:
+            self._in_memory = data, self._reader.read(data)
+        observations = self._in_memory[1]
+        if int(observations.tick[0]) != tick:
+            raise UnreadableError(f"the observation is of tick {observations.tick[0]}, not {tick}")
+        return observations
+
+    def _show(self, shown: _Shown) -> None:
         """Show the policy an observation; its answer is kept, or what was played if that is history."""
-        observations = self._reader.read(data)
-        if int(observations.tick[0]) != self.known_ticks:
-            raise UnreadableError(f"the observation is of tick {observations.tick[0]}, not {self.known_ticks}")
+        observations = self._read(shown.observation, self.known_ticks)
         self._orders[:] = 0
         try:
             self._policy.act(observations, self._orders)
-        except Thinking:
-            if played is None:
+        except Thinking as thinking:
+            is_asked = shown.played is None and self.known_ticks == self._asked_tick
+            if is_asked or not thinking.has_seen:
                 raise
+            self._orders[:] = 0
         self.known_ticks += 1
-        self._answers.append(self._orders.tobytes() if played is None else played)
-        self._head.add(data)
+        self._answers.append(self._orders.tobytes() if shown.played is None else shown.played)
+        self._head.add(shown.observation)
         if self._transcript is not None:
-            self._transcript.add(data, self._answers[-1])
+            self._transcript.add(shown.observation, self._answers[-1])
+
+    def _end(self, ended: Ended) -> None:
+        """End the match at once, even if the policy still thinks."""
+        result = read_result(ended).seen_by(self.team)
+        self.ended = ended
+        self._waiting.clear()
+        self._policy.end(0, result)
+        if self._transcript is not None:
+            self._transcript.end(result)

@@ -3,7 +3,6 @@
 from contextlib import suppress
 
 from arena.errors import ForgedError, ProtocolError, RefusedError
-from arena.policy import Thinking
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity
@@ -21,15 +20,13 @@ class SeatSession:
         self._sealer, self._opener = attempt.sit(seat.ticket.match, seat.team, secret)
         self._sent: tuple[int, bytes] = (-1, b"")
         """Tick of the last orders, and their sealed bytes, for a resend."""
-        self._pending: Message | None = None
-        """What the policy still thinks about."""
 
-    def ready(self) -> bytes:
-        """Return the message by which the referee learns that the seat listens."""
-        return self._seal(self.seat.ready())
+    def listen(self) -> list[bytes]:
+        """Return what the referee is told of a seat that was taken: nothing, while its policy still starts."""
+        return self._seal_all(self.seat.listen())
 
-    def receive(self, payload: bytes) -> bytes | None:
-        """Return the sealed answer to a sealed message, or None if it wants none, or the policy needs longer.
+    def receive(self, payload: bytes) -> list[bytes]:
+        """Take a sealed message, and return what is to be sent.
 
         Raises
         ------
@@ -38,14 +35,14 @@ class SeatSession:
         """
         message = decode(self._opener.open(payload))
         if type(message) is Signed:
-            return self.accept_ending(message)
+            return [self.accept_ending(message)]
         if type(message) is Ended:
             raise ForgedError("the ending is not signed")
-        return self._deliver(message)
+        return self._seal_all(self.seat.receive(message))
 
-    def ask_policy_again(self) -> bytes | None:
-        """Return the answer that the policy needed longer for, once it has it."""
-        return None if self._pending is None else self._deliver(self._pending)
+    def think(self) -> list[bytes]:
+        """Go on where the policy needed longer, and return what is to be sent."""
+        return self._seal_all(self.seat.think())
 
     def accept_ending(self, signed: Signed) -> bytes:
         """End the match, and return the receipt; `ProtocolError` unless the pit signed the ending of this match."""
@@ -55,14 +52,8 @@ class SeatSession:
         seat.receive(ended)
         return self._seal(sign_receipt(self._identity, seat.ticket.match, seat.team, seat.known_ticks, seat.head))
 
-    def _deliver(self, message: Message) -> bytes | None:
-        self._pending = None
-        try:
-            answer = self.seat.receive(message)
-        except Thinking:
-            self._pending = message
-            return None
-        return None if answer is None else self._seal(answer)
+    def _seal_all(self, messages: list[Message]) -> list[bytes]:
+        return [self._seal(message) for message in messages]
 
     def _seal(self, message: Message) -> bytes:
         """Return the sealed message; orders that were sealed before keep their bytes."""

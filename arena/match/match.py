@@ -15,6 +15,7 @@ from arena.game.engine import BatchedGame
 from arena.game.state import StateField
 from arena.game.types import Action, Team, Termination
 from arena.match.effects import Ask, Effect, End, Publish, Write
+from arena.match.seat_clock import SeatClock
 from arena.match.time_control import TimeControl
 from arena.policy import MatchResult
 from arena.protocol.observation_codec import ObservationWriter
@@ -45,12 +46,16 @@ class SeatRecord:
     unreadable: int = 0
     """Turns with an answer that was not one legal action per unit."""
     stale: int = 0
-    """Messages for another tick, or a second answer to this one; ignored."""
+    """Messages that the match has no use for: orders for a tick that was not asked, or others than those that count; ignored.
+
+    The answer to a turn that was ruled late is none when it comes, and neither is a copy of what was taken.
+    """
     garbled: int = 0
-    """Messages that were none; ignored."""
+    """Messages of the seat's holder that were none; ignored."""
     forged: int = 0
-    """Messages on the seat's key that its holder did not seal, or not for now; ignored, and not the holder's doing."""
+    """Messages on the seat's key that another made than who held it, now or before; ignored, and not the holder's doing."""
     vanished: int = 0
+    """Times that the process or its link was gone; one that is slow is late."""
     latencies_s: list[float] = field(default_factory=list)
 
     def faults(self) -> dict[str, int]:
@@ -68,17 +73,16 @@ class _Seat:
     team: Team
     n_units: int
     sight: ObservationWriter
-    bank_s: float
-    grace_s: float
+    clock: SeatClock
     answer: bytes
     mark: Mark = _NO_MARK
     shown: list[bytes] = field(default_factory=list)
     """Observation by observation, the current tick's last."""
     is_ready: bool = False
-    away_since_s: float | None = None
-    asked_at_s: float = 0.0
     has_answered: bool = False
     missed: int = 0
+    late_ticks: set[int] = field(default_factory=set)
+    """Ticks that were ruled late, and whose answer has not come yet."""
     record: SeatRecord = field(default_factory=SeatRecord)
 
 
@@ -100,10 +104,8 @@ class Match:
                 team=team,
                 n_units=n_units[team],
                 sight=ObservationWriter(seen, 0),
-                bank_s=time_control.bank_s,
-                grace_s=time_control.grace_s,
+                clock=SeatClock(time_control, now_s),
                 answer=_STAY * n_units[team],
-                away_since_s=now_s,
             )
             for team, seen in self._games.observe().items()
         }
@@ -143,7 +145,7 @@ class Match:
 
     def is_away(self, team: Team) -> bool:
         """Whether a seat has not come yet, or has vanished."""
-        return self._seats[team].away_since_s is not None
+        return self._seats[team].clock.is_away
 
     def record(self, team: Team) -> SeatRecord:
         """Return what was counted of a seat."""
@@ -176,22 +178,28 @@ class Match:
         seat = self._seats[team]
         if self.phase is Phase.OVER:
             return []
-        self._welcome(seat, now_s)
+        seat.clock.go_on(now_s)
         seat.is_ready = True
         if self.phase is Phase.WAITING:
             if not all(seat.is_ready for seat in self._seats.values()):
                 return []
             self.phase = Phase.PLAYING
             for other in self._seats.values():
-                other.grace_s = self.time_control.grace_s
+                other.clock.renew_grace()
             return self._ask_all(now_s)
         return [] if seat.has_answered else [self._ask(seat)]
+
+    def catch_up(self, team: Team, n_ticks: int, now_s: float) -> list[Effect]:
+        """A seat is there, and sees `n_ticks` of its history: the match waits until it is ready, or its time for that is over."""
+        if self.phase is Phase.OVER or self._seats[team].clock.catch_up(n_ticks, self.tick, now_s):
+            return []
+        return self.ready(team, now_s)
 
     def leave(self, team: Team, now_s: float) -> list[Effect]:
         """A seat has vanished; its clock stops, and its grace runs."""
         seat = self._seats[team]
-        if self.phase is not Phase.OVER and seat.away_since_s is None:
-            seat.away_since_s = now_s
+        if self.phase is not Phase.OVER and not seat.clock.is_away:
+            seat.clock.leave(now_s)
             seat.is_ready = False
             seat.record.vanished += 1
         return []
@@ -199,49 +207,58 @@ class Match:
     def submit(self, team: Team, tick: int, actions: bytes, now_s: float) -> list[Effect]:
         """Take a seat's orders; the first readable message of a tick counts, and what it lacks means to stay."""
         seat = self._seats[team]
+        answer = actions[: seat.n_units].translate(_EFFECT).ljust(seat.n_units, _STAY)
         if self.phase is not Phase.PLAYING or tick != self.tick or seat.has_answered:
-            seat.record.stale += 1
+            self._ignore(seat, tick, answer)
             return []
-        self._welcome(seat, now_s)  # it was reported gone, and is not
-        n_units = seat.n_units
-        seat.answer = actions[:n_units].translate(_EFFECT).ljust(n_units, _STAY)
-        if seat.answer != actions:
+        seat.clock.go_on(now_s)  # it was reported gone, and is not
+        seat.answer = answer
+        if answer != actions:
             seat.mark |= Mark.UNREADABLE
-        self._settle_clock(seat, now_s)
+        seat.record.latencies_s.append(seat.clock.charge(now_s))
         seat.has_answered, seat.missed = True, 0
         return self._turn(now_s) if self._is_complete() else []
 
-    def garble(self, team: Team) -> None:
-        """Count a message that was none."""
-        self._seats[team].record.garbled += 1
+    def count_stale(self, team: Team) -> None:
+        """Count a readable message of a seat that the match has no use for."""
+        self._seats[team].record.stale += self.phase is not Phase.OVER
 
-    def suspect(self, team: Team) -> None:
-        """Count a message that another sealed."""
-        self._seats[team].record.forged += 1
+    def count_garbled(self, team: Team) -> None:
+        """Count a message that was none."""
+        self._seats[team].record.garbled += self.phase is not Phase.OVER
+
+    def count_forged(self, team: Team) -> None:
+        """Count a message that another made."""
+        self._seats[team].record.forged += self.phase is not Phase.OVER
 
     def advance(self, now_s: float) -> list[Effect]:
         """Let time pass: rule on seats that are late, or away for too long."""
         if self.phase is Phase.OVER:
             return []
-        gone = [team for team, seat in self._seats.items() if self._is_gone(seat, now_s)]
+        gone = [team for team, seat in self._seats.items() if seat.clock.is_gone(now_s)]
         if gone:
             # Whoever is away as well has not come to fight either: nobody wins by being gone a moment later.
-            gone = [team for team, seat in self._seats.items() if seat.away_since_s is not None]
+            gone = [team for team, seat in self._seats.items() if seat.clock.is_away]
             is_playing = self.phase is Phase.PLAYING
             return self._forfeit(gone, "did not come back in time" if is_playing else "did not get ready in time")
-        if self.phase is Phase.WAITING or self.time_control.turn_time_s is None:
-            return []
+        effects: list[Effect] = []
         for seat in self._seats.values():
-            if seat.has_answered or seat.away_since_s is not None or now_s < self._deadline_s(seat):
+            if seat.clock.catches_up_too_long(now_s):
+                effects += self.ready(seat.team, now_s)
+        if self.phase is Phase.WAITING:
+            return effects
+        for seat in self._seats.values():
+            if seat.has_answered or not seat.clock.is_late(now_s):
                 continue
             seat.answer = _STAY * seat.n_units
             seat.mark |= Mark.LATE
             seat.missed += 1
-            seat.bank_s, seat.has_answered = 0.0, True
+            seat.clock.bank_s, seat.has_answered = 0.0, True
+            seat.late_ticks.add(self.tick)
         idle = [seat.team for seat in self._seats.values() if seat.missed >= self.time_control.most_missed]
         if idle:
-            return self._forfeit(idle, f"missed {self.time_control.most_missed} turns in a row")
-        return self._turn(now_s) if self._is_complete() else []
+            return effects + self._forfeit(idle, f"missed {self.time_control.most_missed} turns in a row")
+        return effects + self._turn(now_s) if self._is_complete() else effects
 
     def forfeit(self, team: Team, why: str) -> list[Effect]:
         """End the match against a seat."""
@@ -251,28 +268,21 @@ class Match:
         """End the match by a fault of the pit's own."""
         return self._end(MatchResult(ending=Termination.VOID, winner=None, score=0, ticks=self.tick, reason=reason))
 
-    def _welcome(self, seat: _Seat, now_s: float) -> None:
-        """Charge the grace for the time that a seat was away; its clock stood meanwhile, and goes on from where it was."""
-        if seat.away_since_s is not None:
-            seat.grace_s -= now_s - seat.away_since_s
-            seat.asked_at_s += now_s - max(seat.away_since_s, seat.asked_at_s)
-            seat.away_since_s = None
-
-    def _is_gone(self, seat: _Seat, now_s: float) -> bool:
-        return seat.away_since_s is not None and now_s - seat.away_since_s >= seat.grace_s
+    def _ignore(self, seat: _Seat, tick: int, answer: bytes) -> None:
+        """Count orders that the match has no use for, unless they are late, or a copy."""
+        if tick in seat.late_ticks:
+            seat.late_ticks.remove(tick)
+            return
+        counted = None
+        if 0 <= tick < self.tick:
+            counted = self._split(self._past[tick])[seat.team]
+        elif tick == self.tick and seat.has_answered:
+            counted = seat.answer
+        if answer != counted:
+            self.count_stale(seat.team)
 
     def _is_complete(self) -> bool:
         return self._blue.has_answered and self._red.has_answered
-
-    def _deadline_s(self, seat: _Seat) -> float:
-        return seat.asked_at_s + (self.time_control.turn_time_s or 0.0) + seat.bank_s
-
-    def _settle_clock(self, seat: _Seat, now_s: float) -> None:
-        """Charge the bank for what a turn took beyond its time."""
-        took_s = now_s - seat.asked_at_s
-        seat.record.latencies_s.append(took_s)
-        if self.time_control.turn_time_s is not None:
-            seat.bank_s = max(seat.bank_s - max(took_s - self.time_control.turn_time_s, 0.0), 0.0)
 
     def _turn(self, now_s: float) -> list[Effect]:
         """Play the tick that both have answered, and ask for the next."""
@@ -304,14 +314,15 @@ class Match:
         """Write what each seat is to see of the tick that begins."""
         for seat in self._seats.values():
             if self.time_control.turn_time_s is not None:
-                seat.sight.set_clock(seat.bank_s)
+                seat.sight.set_clock(seat.clock.bank_s)
             seat.shown.append(seat.sight.write())
 
     def _ask_all(self, now_s: float) -> list[Effect]:
         effects: list[Effect] = []
         for seat in self._seats.values():
-            seat.has_answered, seat.asked_at_s = False, now_s
-            if seat.away_since_s is None:
+            seat.has_answered = False
+            seat.clock.begin_turn(now_s)
+            if seat.clock.is_running:
                 effects.append(self._ask(seat))
         effects.append(Publish())
         return effects

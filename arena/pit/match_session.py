@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 
-from arena.errors import ForgedError, UnreadableError
+from arena.errors import ForgedError, ReplayedError, UnreadableError
 from arena.game.types import Team
 from arena.match.effects import Ask, End, Publish, Write
 from arena.match.effects import Effect as MatchEffect
@@ -33,8 +33,10 @@ from arena.protocol.signed import check_receipt, commit, sign_journal, sign_stat
 from arena.records.framing import rules_values
 from arena.records.journal import journal_name, match_id, write_receipt, write_seats, write_signature
 
-MOST_FORGED = 512
-"""Messages of a seat that do not open, between two calls of `advance`; no more of them are tried."""
+MOST_REJECTED = 512
+"""Messages of a seat that are forged or come again, between two calls of `advance`; no more of them are tried, or counted."""
+_MOST_FORMER = 2
+"""Keys of former tickets by which messages that were still on their way are known for what they are."""
 _HISTORY_BYTES = 50_000
 _TURN_EXTRA_BYTES = 32
 """What a `Turn` is longer than its observation, at most."""
@@ -61,8 +63,14 @@ class SeatSession:
     opener: Opener | None = None
     sent: tuple[int, bytes] = _NOTHING_SENT
     """The last turn as it was sealed: a resend under one key repeats it."""
-    n_forged: int = 0
-    """Messages that did not open since `advance` was called last."""
+    former: tuple[Opener, ...] = ()
+    """Those of the last tickets before; what they open is not forged, and counts for nothing."""
+    accepted: bytes = b""
+    """The last message that opened; a copy of it counts for nothing."""
+    has_had_history: bool = False
+    """Under this ticket."""
+    n_rejected: int = 0
+    """Messages that were forged or came again since `advance` was called last."""
     receipt: Receipt | None = None
 
 
@@ -104,8 +112,10 @@ class MatchSession:
         """Give a seat to a caller, under new keys; those of the process that had it before hold no more."""
         time_control, seat, secret = self.match.time_control, self.seats[team], new_secret()
         n_bytes = self.match.n_shown_bytes(team) + _TURN_EXTRA_BYTES
+        if seat.opener is not None:
+            seat.former = (seat.opener, *seat.former)[:_MOST_FORMER]
         seat.sealer, seat.opener = caller.sit(self.id, team, secret, n_bytes)
-        seat.sent = _NOTHING_SENT
+        seat.sent, seat.has_had_history = _NOTHING_SENT, False
         return Ticket(
             match=self.id,
             team=int(team),
@@ -125,9 +135,9 @@ class MatchSession:
             match_effects = self.match.submit(team, message.tick, message.actions, now_s)
             return self.carry(match_effects) if match_effects else []
         if type(message) is Ready:
-            return [*self._send_history(team, message.known_ticks), *self.carry(self.match.ready(team, now_s))]
+            return self._welcome(team, max(message.known_ticks, 0), now_s)
         if message is not None:
-            self.match.garble(team)
+            self.match.count_garbled(team)
         return []
 
     def receive_receipt(self, team: Team, payload: bytes) -> list[Effect]:
@@ -145,7 +155,7 @@ class MatchSession:
     def advance(self, now_s: float) -> list[Effect]:
         """Let time pass."""
         for seat in self.seats.values():
-            seat.n_forged = 0
+            seat.n_rejected = 0
         return self.carry(self.match.advance(now_s))
 
     def carry(self, match_effects: Iterable[MatchEffect]) -> list[Effect]:
@@ -171,17 +181,24 @@ class MatchSession:
 
     def _open(self, team: Team, payload: bytes) -> Message | None:
         seat = self.seats[team]
-        if seat.opener is None or seat.n_forged >= MOST_FORGED:
-            self.match.suspect(team)
+        if seat.opener is None or seat.n_rejected >= MOST_REJECTED or payload == seat.accepted:
             return None
         try:
-            return decode(seat.opener.open(payload))
+            data = seat.opener.open(payload)
+        except ReplayedError:
+            seat.n_rejected += 1
+            return None
         except ForgedError:
-            seat.n_forged += 1
-            self.match.suspect(team)
+            seat.n_rejected += 1
+            if not any(opener.has_sealed(payload) for opener in seat.former):
+                self.match.count_forged(team)
+            return None
+        seat.accepted = payload
+        try:
+            return decode(data)
         except UnreadableError:
-            self.match.garble(team)
-        return None
+            self.match.count_garbled(team)
+            return None
 
     def _seal_turn(self, ask: Ask) -> bytes | None:
         seat = self.seats[ask.team]
@@ -191,12 +208,20 @@ class MatchSession:
             seat.sent = ask.tick, seat.sealer.close(encode(Turn(tick=ask.tick, observation=ask.observation)), ask.tick)
         return seat.sent[1]
 
-    def _send_history(self, team: Team, known_ticks: int) -> list[Effect]:
-        """Send what a seat was shown before it came back, in pieces that fit a message."""
-        known = max(known_ticks, 0)
-        observations, orders = self.match.history(team, known)
-        if not observations:
+    def _welcome(self, team: Team, known: int, now_s: float) -> list[Effect]:
+        """A seat is there and has `known` observations: ask it, or send it those that it lacks, once a ticket."""
+        n_missed = self.match.tick - known
+        if n_missed <= 0:
+            return self.carry(self.match.ready(team, now_s))
+        if self.seats[team].has_had_history:
+            self.match.count_stale(team)
             return []
+        self.seats[team].has_had_history = True
+        return [*self._send_history(team, known), *self.carry(self.match.catch_up(team, n_missed, now_s))]
+
+    def _send_history(self, team: Team, known: int) -> list[Effect]:
+        """Send what a seat was shown before it came back, in pieces that fit a message."""
+        observations, orders = self.match.history(team, known)
         step = max(1, _HISTORY_BYTES // (len(observations[0]) + len(orders[0]) + 8))
         self.seats[team].sent = _NOTHING_SENT  # as sealed before, the turn would have a lower count than the history
         return [
@@ -208,6 +233,7 @@ class MatchSession:
                     first_tick=known + first,
                     observations=observations[first : first + step],
                     orders=orders[first : first + step],
+                    end_tick=self.match.tick,
                 ),
             )
         ]

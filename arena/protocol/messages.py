@@ -9,6 +9,7 @@ A match, message by message; `handshake` says how the first four are sealed, `se
                   <---- reply ----  SealedAnswer    a Ticket, or Wait (ask again), or Refusal, or Closed, sealed
     Ready         ---- action ---->                 subscribed, policy loaded
                   <- observation -  History         to one who came back: what it was shown, and answered, before
+    Ready         ---- action ---->                 and then once more: all of that was seen, the clock may start
                   <- observation -  Turn            tick by tick
     Orders        ---- action ---->
                   <- observation -  Signed          holds Ended
@@ -20,7 +21,7 @@ A match, message by message; `handshake` says how the first four are sealed, `se
 from dataclasses import dataclass, field
 from typing import Any
 
-PROTOCOL_VERSION = 3
+PROTOCOL_VERSION = 4
 """Rises with every change of a message."""
 
 
@@ -167,10 +168,13 @@ class Closed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ready:
-    """The seat listens, and its policy is loaded."""
+    """The seat listens, and its policy is loaded.
+
+    The referee sends who lacks ticks the history of them, once a ticket, and waits for another `Ready` before it asks.
+    """
 
     known_ticks: int
-    """Observations that the seat has had already; the referee sends what it had before it vanished beyond these."""
+    """Observations that the seat has, from the first on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,6 +194,8 @@ class History:
     observations: list[bytes]
     orders: list[bytes]
     """As they were played, beside `observations`."""
+    end_tick: int
+    """The tick at which the match stands, and the last piece ends; who has seen all before it says `Ready`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

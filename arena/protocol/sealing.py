@@ -15,7 +15,7 @@ from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
 from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 
-from arena.errors import ForgedError
+from arena.errors import ForgedError, ReplayedError
 from arena.game.types import Team
 from arena.protocol.messages import PROTOCOL_VERSION
 
@@ -89,19 +89,32 @@ class Opener:
         Raises
         ------
         ForgedError
-            It is forged, changed, moved, or of a counter that was passed.
+            It was made, changed or moved by another than the holder of the key.
+        ReplayedError
+            It is genuine, and of a counter that was passed.
         """
-        if len(data) < _HEAD.size + _TAG_BYTES:
-            raise ForgedError("a message is too short to be sealed")
         count = int.from_bytes(data[:8], "big")
+        padded = self._decrypt(data)
         if count < self._last or (count == self._last and data != self._last_bytes):
-            raise ForgedError("a message comes a second time, or late")
-        try:
-            padded = self._cipher.decrypt(_PREFIX + data[:8], data[_HEAD.size :], self._context + data[8 : _HEAD.size])
-        except InvalidTag:
-            raise ForgedError("a message does not open") from None
+            raise ReplayedError("a message comes a second time, or late")
         self._last, self._last_bytes = count, data
         return unpad(padded)
+
+    def has_sealed(self, data: bytes) -> bool:
+        """Whether a message was sealed under this key, and for this place, at any time."""
+        try:
+            self._decrypt(data)
+        except ForgedError:
+            return False
+        return True
+
+    def _decrypt(self, data: bytes) -> bytes:
+        if len(data) < _HEAD.size + _TAG_BYTES:
+            raise ForgedError("a message is too short to be sealed")
+        try:
+            return self._cipher.decrypt(_PREFIX + data[:8], data[_HEAD.size :], self._context + data[8 : _HEAD.size])
+        except InvalidTag:
+            raise ForgedError("a message does not open") from None
 
 
 def truth_sealer(secret: bytes, salt: bytes, pit: str, match: str) -> Sealer:

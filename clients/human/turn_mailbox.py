@@ -152,7 +152,7 @@ class TurnMailbox:
         if is_new or is_late or is_back:
             self.on_change()
         if not is_done:
-            raise Thinking
+            raise Thinking(has_seen=True)
         return actions
 
     def on_end(self, result: MatchResult) -> None:

@@ -111,7 +111,7 @@ class Played:
     def _tick(self) -> None:
         asked, self.asked = self.asked, []
         for ask in asked:
-            answer = self.seats[ask.team].receive(Turn(tick=ask.tick, observation=ask.observation))
+            (answer,) = self.seats[ask.team].receive(Turn(tick=ask.tick, observation=ask.observation))
             assert isinstance(answer, Orders)
             if not self._late(ask.team, ask.tick):
                 self.carry_out(self.match.submit(ask.team, answer.tick, answer.actions, self.now_s))

@@ -19,6 +19,7 @@ from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import new_secret, open_request, sign_challenge
 from arena.protocol.identity import Identity
 from arena.protocol.messages import (
+    PROTOCOL_VERSION,
     ChallengeRequest,
     Closed,
     Commitment,
@@ -80,6 +81,16 @@ class Thinker(Counter):
         if not Thinker.is_done:
             raise Thinking
         super().act(observations, orders)
+
+
+class Loader(Counter):
+    """Has not started until it is loaded."""
+
+    is_loaded = False
+
+    def start(self, seats: np.ndarray) -> None:
+        if not Loader.is_loaded:
+            raise Thinking
 
 
 def orders(tick: int) -> Orders:
@@ -313,7 +324,7 @@ def test_a_pit_of_another_version_is_refused() -> None:
     both = Joined()
     both.connect()
     data = bytearray(both.challenge())
-    data[data.index(3)] = 2  # the version, which stands first
+    data[1] = PROTOCOL_VERSION - 1  # it stands first in the array
 
     with pytest.raises(RefusedError, match="the pit cannot be understood"):
         both.reply(bytes(data))
@@ -374,12 +385,44 @@ def test_a_turn_is_answered_and_a_resend_gets_the_same_bytes(both: Joined) -> No
     assert both.published[1:] == [both.published[1]] * 3 + [both.published[4]] * 2
 
 
-def test_a_turn_beyond_what_was_seen_asks_for_the_history(both: Joined) -> None:
-    both.turn(2)
-    assert both.deliver(History(first_tick=0, observations=[observation(0), observation(1)], orders=[bytes(UNITS)] * 2)) == []
+def history(first: int, end: int) -> History:
+    seen = [observation(tick) for tick in range(first, end)]
+    return History(first_tick=first, observations=seen, orders=[bytes(UNITS)] * len(seen), end_tick=end)
+
+
+def test_a_turn_beyond_what_was_seen_takes_the_seat_anew_for_the_history(both: Joined) -> None:
+    assert both.turn(2) == []
+    (query,) = both.feed(events.TimePassed(), TICK_S)
+    assert isinstance(query, events.Query)
+    both.answer(ticket())
+    both.deliver(history(0, 2))
     both.turn(2)
 
-    assert both.heard[1:] == [Ready(known_ticks=0), orders(2)]
+    assert both.requests[-1].match == MATCH
+    assert both.heard[1:] == [Ready(known_ticks=0), Ready(known_ticks=2), orders(2)]
+
+
+def test_a_client_is_ready_once_its_policy_has_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    both = seated(make=Loader)
+    for _ in range(40):
+        assert both.feed(events.TimePassed(), TICK_S) == [], "the pit has nothing to say, so silence is nothing"
+
+    monkeypatch.setattr(Loader, "is_loaded", True)
+    assert len(both.feed(events.Woken())) == 1
+
+    assert both.heard == [Ready(known_ticks=0)]
+
+
+def test_a_client_does_not_ask_about_its_match_while_it_catches_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    both = seated(make=Thinker)
+    both.deliver(history(0, 3))
+    for _ in range(40):
+        assert both.feed(events.TimePassed(), TICK_S) == []
+
+    monkeypatch.setattr(Thinker, "is_done", True)
+    both.feed(events.Woken())
+
+    assert both.heard == [Ready(known_ticks=0), Ready(known_ticks=3)]
 
 
 def forgeries(both: Joined) -> list[bytes]:

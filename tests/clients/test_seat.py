@@ -21,7 +21,7 @@ from arena.local.venue import play_batch
 from arena.match.effects import Ask, Effect, End, Write
 from arena.match.match import Match, Phase
 from arena.match.time_control import TimeControl
-from arena.policy import BatchPolicy, MatchResult
+from arena.policy import BatchPolicy, MatchResult, Thinking
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn, Wait
 from arena.records.journal import Header, read_journal
@@ -118,12 +118,22 @@ def header(ruleset: Ruleset, blue: str, red: str) -> Header:
 SHOWN = observations_of(5)
 
 
+def history(first: int, end: int, end_tick: int | None = None) -> History:
+    """Return a piece of what red was shown."""
+    seen = SHOWN[first:end]
+    return History(first_tick=first, observations=seen, orders=[bytes(6)] * len(seen), end_tick=end_tick or end)
+
+
+def turn(tick: int) -> Turn:
+    return Turn(tick=tick, observation=SHOWN[tick])
+
+
 def test_a_turn_is_answered_and_asked_again_answered_alike() -> None:
     seat, diary = seated()
 
     answers = [seat.receive(Turn(tick=0, observation=SHOWN[0])) for _ in range(3)]
 
-    assert answers == [Orders(tick=0, actions=b"\x01" * 6)] * 3
+    assert answers == [[Orders(tick=0, actions=b"\x01" * 6)]] * 3
     assert diary.asked == [0]
 
 
@@ -139,25 +149,26 @@ def test_a_tick_long_answered_is_answered_alike_when_the_pit_has_lost_it() -> No
 
 def test_a_turn_after_one_that_was_missed_asks_for_history() -> None:
     seat, diary = seated()
-    assert seat.ready() == Ready(known_ticks=0)
+    assert seat.listen() == [Ready(known_ticks=0)]
 
-    assert seat.receive(Turn(tick=2, observation=SHOWN[2])) == Ready(known_ticks=0)
-    assert seat.receive(History(first_tick=0, observations=SHOWN[:2], orders=[bytes(6)] * 2)) is None
-    assert seat.receive(Turn(tick=2, observation=SHOWN[2])) == Orders(tick=2, actions=b"\x03" * 6)
-    assert diary.asked == [0, 1, 2]
+    assert seat.receive(Turn(tick=2, observation=SHOWN[2])) == []
+    assert seat.is_behind
+    assert seat.listen() == [Ready(known_ticks=0)]
+    assert seat.receive(history(0, 2)) == [Ready(known_ticks=2)]
+    assert seat.receive(Turn(tick=2, observation=SHOWN[2])) == [Orders(tick=2, actions=b"\x03" * 6)]
+    assert (diary.asked, seat.is_behind) == ([0, 1, 2], False)
 
 
 def test_history_overlaps_or_comes_too_early_and_nothing_is_seen_twice() -> None:
     seat, diary = seated()
     seat.receive(Turn(tick=0, observation=SHOWN[0]))
 
-    seat.receive(History(first_tick=3, observations=SHOWN[3:], orders=[bytes(6)] * 2))
+    seat.receive(history(3, 5))
     assert diary.asked == [0]
-    for first in (0, 1, 0, 2):
-        seat.receive(History(first_tick=first, observations=SHOWN[first : first + 3], orders=[bytes(6)] * 3))
+    said = [seat.receive(history(first, first + 3, end_tick=5)) for first in (0, 1, 0, 2)]
 
     assert diary.asked == [0, 1, 2, 3, 4]
-    assert seat.ready() == Ready(known_ticks=5)
+    assert said == [[], [], [], [Ready(known_ticks=5)]]
 
 
 @pytest.mark.parametrize(
@@ -166,8 +177,9 @@ def test_history_overlaps_or_comes_too_early_and_nothing_is_seen_twice() -> None
         Turn(tick=0, observation=SHOWN[0][:-1]),
         Turn(tick=0, observation=SHOWN[1]),
         Turn(tick=-1, observation=SHOWN[0]),
-        History(first_tick=0, observations=[b""], orders=[bytes(6)]),
-        History(first_tick=0, observations=[SHOWN[2]], orders=[bytes(6)]),
+        History(first_tick=0, observations=[b""], orders=[bytes(6)], end_tick=1),
+        History(first_tick=0, observations=[SHOWN[2]], orders=[bytes(6)], end_tick=1),
+        History(first_tick=0, observations=[SHOWN[0], SHOWN[2]], orders=[bytes(6)] * 2, end_tick=2),
         Ended(match="m", ending="rapture", winner=None, score=0, ticks=0, reason=""),
         Ended(match="m", ending="capture", winner="green", score=0, ticks=0, reason=""),
     ],
@@ -179,14 +191,14 @@ def test_what_no_referee_says_is_unreadable_and_changes_nothing(message: Message
         seat.receive(message)
 
     assert (diary.asked, diary.heard, seat.ended) == ([], [], None)
-    assert seat.receive(Turn(tick=0, observation=SHOWN[0])) == Orders(tick=0, actions=b"\x01" * 6)
+    assert seat.receive(Turn(tick=0, observation=SHOWN[0])) == [Orders(tick=0, actions=b"\x01" * 6)]
 
 
 def test_history_from_before_the_first_tick_and_other_messages_are_nothing() -> None:
     seat, diary = seated()
 
-    assert seat.receive(History(first_tick=-5, observations=SHOWN, orders=[])) is None
-    assert seat.receive(Wait(reason="x")) is None
+    assert seat.receive(History(first_tick=-5, observations=SHOWN, orders=[], end_tick=0)) == []
+    assert seat.receive(Wait(reason="x")) == []
     assert diary.asked == []
 
 
@@ -202,7 +214,7 @@ def test_the_policy_hears_once_how_the_match_ended_from_its_side(team: Team, sco
     result = MatchResult(ending=Termination.TICK_LIMIT, winner=Team.BLUE, score=score, ticks=100)
     assert seat.result() == result
     assert diary.heard == [result]
-    assert seat.receive(Turn(tick=0, observation=SHOWN[0])) is None
+    assert seat.receive(Turn(tick=0, observation=SHOWN[0])) == []
     assert seat.faults().raised == 0
 
 
@@ -220,6 +232,173 @@ def test_a_ticket_for_nowhere_is_unreadable(changes: dict[str, Any]) -> None:
 def test_a_ticket_for_rules_that_are_none_is_refused(values: dict[str, Any]) -> None:
     with pytest.raises(InputError):
         read_ticket(replace(ticket(), ruleset=values or {"name": "x", "base": "nothing"}))
+
+
+# A policy that needs longer
+
+
+class Slow(Diary):
+    """Needs longer until it may go on."""
+
+    may_start = True
+    n_may_act = 0
+    has_seen = False
+
+    def start(self, seats: np.ndarray) -> None:
+        if not self.may_start:
+            raise Thinking
+
+    def act(self, observations: Observations, orders: np.ndarray) -> None:
+        if not self.n_may_act:
+            orders[:] = 4
+            raise Thinking(has_seen=self.has_seen)
+        self.n_may_act -= 1
+        super().act(observations, orders)
+
+
+def seated_slow(**attributes: Any) -> tuple[Seat, Slow]:
+    slow: list[Slow] = []
+
+    def make(*arguments: Any) -> Slow:
+        slow.append(Slow(*arguments))
+        vars(slow[-1]).update(attributes)
+        return slow[-1]
+
+    return Seat(ticket(), COMMITMENT, make), slow[0]
+
+
+def orders_of(tick: int) -> Orders:
+    """Return what a `Diary` answers that was shown every tick."""
+    return Orders(tick=tick, actions=bytes([(tick + 1) % 5]) * 6)
+
+
+def test_a_seat_is_not_ready_before_its_policy_has_started() -> None:
+    seat, policy = seated_slow(may_start=False)
+    assert seat.listen() == seat.think() == []
+    assert seat.owes_ready
+
+    policy.may_start = True
+
+    assert seat.think() == [Ready(known_ticks=0)]
+    assert not seat.owes_ready
+    assert seat.think() == []
+
+
+def test_turns_that_come_while_the_policy_thinks_are_shown_in_order_and_the_last_is_answered() -> None:
+    seat, policy = seated_slow()
+    seat.listen()
+    for tick in range(4):
+        assert seat.receive(turn(tick)) == []
+    assert seat.receive(turn(3)) == seat.think() == []
+
+    policy.n_may_act = 2
+    assert seat.think() == []
+    assert policy.asked == [0, 1]
+    policy.n_may_act = 9
+
+    assert seat.think() == [orders_of(3)]
+    assert policy.asked == [0, 1, 2, 3]
+    assert [len(answer) for answer in seat.answers] == [6] * 4
+
+
+def test_who_takes_the_seat_again_while_its_policy_thinks_says_that_it_has_what_waits() -> None:
+    seat, policy = seated_slow()
+    seat.listen()
+    for tick in range(3):
+        seat.receive(turn(tick))
+
+    assert seat.listen() == [Ready(known_ticks=3)]
+    assert not seat.owes_ready
+    assert seat.receive(turn(2)) == []
+    policy.n_may_act = 9
+
+    assert seat.think() == [orders_of(2)]
+
+
+def test_a_pit_that_asks_for_an_earlier_tick_again_is_answered_for_that_one() -> None:
+    seat, policy = seated_slow()
+    seat.listen()
+    for tick in (0, 1, 2, 1):
+        seat.receive(turn(tick))
+    policy.n_may_act = 9
+
+    assert seat.think() == [orders_of(1)]
+    assert policy.asked == [0, 1, 2]
+
+
+def test_a_policy_may_need_longer_in_the_middle_of_its_history_and_is_ready_after_it() -> None:
+    seat, policy = seated_slow(n_may_act=2)
+    seat.listen()
+    assert seat.receive(history(0, 2, end_tick=4)) == []
+    assert seat.receive(history(2, 4)) == []
+    assert (policy.asked, seat.owes_ready) == ([0, 1], True)
+
+    policy.n_may_act = 2
+
+    assert seat.think() == [Ready(known_ticks=4)]
+    assert (policy.asked, seat.owes_ready) == ([0, 1, 2, 3], False)
+    policy.n_may_act = 1
+    assert seat.receive(turn(4)) == [orders_of(4)]
+
+
+def test_who_takes_the_seat_again_within_its_history_is_sent_the_rest_again() -> None:
+    seat, policy = seated_slow(n_may_act=1)
+    seat.listen()
+    seat.receive(history(0, 4))
+
+    assert seat.listen() == [Ready(known_ticks=2)], "the policy thinks about tick 1"
+    policy.n_may_act = 9
+
+    assert seat.receive(history(2, 4)) == [Ready(known_ticks=4)]
+    assert policy.asked == [0, 1, 2, 3]
+
+
+def test_a_turn_behind_the_history_was_asked_though_the_policy_had_not_seen_all() -> None:
+    seat, policy = seated_slow()
+    seat.listen()
+    seat.receive(history(0, 2))
+    seat.receive(turn(2))
+    policy.n_may_act = 9
+
+    assert seat.think() == [orders_of(2)]
+
+
+def test_a_policy_that_has_seen_its_history_is_not_asked_for_answers_of_no_use() -> None:
+    seat, policy = seated_slow(has_seen=True)
+    seat.listen()
+
+    assert seat.receive(history(0, 2)) == [Ready(known_ticks=2)]
+    for tick in (2, 3):
+        assert seat.receive(turn(tick)) == []
+
+    assert seat.known_ticks == 3
+    assert seat.answers[2] == bytes(6)
+    policy.n_may_act = 1
+    assert [answer.tick for answer in seat.think() if isinstance(answer, Orders)] == [3]
+
+
+@pytest.mark.parametrize("may_start", [False, True])
+def test_an_ending_does_not_wait_for_a_policy_that_thinks(may_start: bool) -> None:
+    seat, policy = seated_slow(may_start=may_start)
+    seat.listen()
+    seat.receive(turn(0))
+
+    seat.receive(Ended(match="m", ending="tick_limit", winner="blue", score=40, ticks=1, reason=""))
+    policy.may_start, policy.n_may_act = True, 9
+
+    assert seat.think() == seat.listen() == []
+    assert (policy.asked, len(policy.heard)) == ([], 1)
+
+
+def test_no_more_waits_for_a_policy_than_a_match_has_ticks() -> None:
+    rules = PAPER.with_({"tick_limit": 2})
+    seat = Seat(ticket(ruleset=rules), COMMITMENT, Slow)
+    seat.listen()
+    for tick in range(2):
+        seat.receive(turn(tick))
+
+    with pytest.raises(UnreadableError, match="there is no tick 2 in matches of 2 ticks"):
+        seat.receive(turn(2))
 
 
 # Joined with the referee's match
@@ -261,17 +440,19 @@ class Storm:
         if isinstance(message, Orders):
             self.carry_out(self.match.submit(team, message.tick, message.actions, 0.0))
         elif isinstance(message, Ready):
-            observations, orders = self.match.history(team, message.known_ticks)
+            known = message.known_ticks
+            observations, orders = self.match.history(team, known)
             for first in range(0, len(observations), 3):
-                piece = slice(first, first + 3)
-                told = History(first_tick=message.known_ticks + first, observations=observations[piece], orders=orders[piece])
+                seen, played = observations[first : first + 3], orders[first : first + 3]
+                told = History(first_tick=known + first, observations=seen, orders=played, end_tick=self.match.tick)
                 self.to_seats.append((team, encode(told)))
-            self.carry_out(self.match.ready(team, 0.0))
+            if observations:
+                self.carry_out(self.match.catch_up(team, len(observations), 0.0))
+            else:
+                self.carry_out(self.match.ready(team, 0.0))
 
     def tell(self, team: Team, data: bytes) -> None:
-        answer = self.seats[team].receive(decode(data))
-        if answer is not None:
-            self.to_referee.append((team, encode(answer)))
+        self.to_referee += [(team, encode(answer)) for answer in self.seats[team].receive(decode(data))]
 
     def pass_on(self, queue: deque[tuple[Team, bytes]], deliver: Callable[[Team, bytes], None]) -> None:
         """Deliver some message of a queue, or lose it, or keep it for another time as well."""
@@ -303,7 +484,7 @@ class Storm:
                 self.strike()
             if not self.to_seats and not self.to_referee:  # silence: whoever hears nothing says that it is there
                 for team, seat in self.seats.items():
-                    self.to_referee.append((team, encode(seat.ready())))
+                    self.to_referee += [(team, encode(message)) for message in seat.listen()]
             if self.to_referee and (not self.to_seats or self.chance.random() < 0.5):
                 self.pass_on(self.to_referee, self.hear)
             elif self.to_seats:

@@ -219,8 +219,8 @@ def test_a_refereed_match_is_ruled_as_before(same: Same) -> None:
         do("blue answers", match.submit(Team.BLUE, blue, orders[0][: 1 + turn], now_s))
         if turn == 5:
             do("blue answers again", match.submit(Team.BLUE, blue, orders[0], now_s))
-            match.garble(Team.BLUE)
-            match.suspect(Team.RED)
+            match.count_garbled(Team.BLUE)
+            match.count_forged(Team.RED)
         if turn == 7:
             do("red leaves", match.leave(Team.RED, now_s))
             now_s += 2.0

@@ -178,7 +178,7 @@ def test_after_the_end_nothing_happens_any_more() -> None:
     assert table.match.submit(BLUE, 0, STAY, 1.0) == []
     assert table.match.advance(1e9) == []
     assert not table.match.is_away(BLUE)
-    assert table.match.record(BLUE).stale == 1
+    assert not any(table.match.record(BLUE).faults().values()), "the ending crossed it on its way"
 
 
 def test_the_public_facts_are_those_of_the_state() -> None:
@@ -206,7 +206,7 @@ def test_orders_for_another_tick_are_ignored_and_counted(tick: int) -> None:
     table = Table().begin()
     table.play(0.0)
 
-    assert table.do(table.match.submit(RED, tick, STAY, 0.1)) == []
+    assert table.do(table.match.submit(RED, tick, b"\x01\x01\x01", 0.1)) == []
     assert table.match.record(RED).stale == 1
     assert table.match.tick == 1
 
@@ -253,7 +253,7 @@ def test_what_was_ordered_before_a_missing_answer_is_not_played_again() -> None:
 def test_what_is_no_message_is_counted() -> None:
     table = Table().begin()
 
-    table.match.garble(RED)
+    table.match.count_garbled(RED)
 
     assert table.match.record(RED).garbled == 1
 
@@ -273,14 +273,112 @@ def test_a_late_seat_stays_and_the_match_goes_on() -> None:
     assert table.match.record(RED).late == 1
 
 
-def test_orders_that_come_after_the_ruling_are_stale() -> None:
+@pytest.mark.parametrize("is_over", [False, True])
+def test_the_answer_to_a_turn_that_was_ruled_late_counts_no_more_and_another_is_stale(is_over: bool) -> None:
     table = Table().begin()
+    if is_over:  # else the match still waits for the other seat
+        table.do(table.match.submit(BLUE, 0, STAY, 0.1))
+    else:
+        table.do(table.match.leave(BLUE, 0.1))
     table.do(table.match.advance(3.0))
+    assert table.match.tick == is_over
 
-    table.do(table.match.submit(RED, 0, STAY, 3.1))
+    table.do(table.match.submit(RED, 0, b"\x01\x01\x01", 3.1))
+    faults = {"late": is_over, "unreadable": 0, "stale": 0, "garbled": 0, "forged": 0, "vanished": 0}
+    assert table.match.record(RED).faults() == faults
+    table.do(table.match.submit(RED, 0, b"\x02\x02\x02", 3.2))
 
-    assert table.match.record(RED).stale == 1
-    assert table.match.tick == 1
+    assert table.match.record(RED).faults() == {**faults, "stale": 1}
+
+
+def test_a_copy_of_orders_that_count_is_no_fault() -> None:
+    table = Table().begin()
+    for _ in range(3):
+        table.do(table.match.submit(BLUE, 0, b"\x01\x09", 0.1))
+    table.do(table.match.submit(RED, 0, STAY, 0.3))
+    table.do(table.match.submit(BLUE, 0, b"\x01\x09", 0.4))
+
+    assert table.match.record(BLUE).faults() == {
+        "late": 0, "unreadable": 1, "stale": 0, "garbled": 0, "forged": 0, "vanished": 0
+    }  # fmt: skip
+
+
+# Seeing one's history again
+
+
+def test_a_seat_that_catches_up_is_asked_when_it_is_ready_and_its_clock_starts_then() -> None:
+    table = Table(time_control=replace(TERMS, grace_s=100.0)).begin()
+    for _ in range(5):
+        table.play(0.0)
+    table.do(table.match.submit(BLUE, 5, STAY, 0.0))
+    table.do(table.match.leave(RED, 0.0))
+
+    assert table.do(table.match.catch_up(RED, 5, 50.0)) == []
+    assert not table.match.is_away(RED)
+    assert table.do(table.match.advance(54.9)) == []
+    assert table.do(table.match.ready(RED, 54.9)) == ["ask red 5"]
+    assert table.do(table.match.advance(57.8)) == []
+    assert table.do(table.match.advance(57.9))[0] == "write"
+
+
+def test_who_catches_up_for_longer_than_its_turn_time_for_each_tick_is_asked_ready_or_not() -> None:
+    table = Table().begin()
+    for _ in range(5):
+        table.play(0.0)
+    table.do(table.match.submit(BLUE, 5, STAY, 0.0))
+    table.do(table.match.leave(RED, 0.0))
+    table.do(table.match.catch_up(RED, 2, 1.0))
+
+    assert table.do(table.match.advance(2.9)) == []
+    assert table.do(table.match.advance(3.0)) == ["ask red 5"]
+    assert table.do(table.match.advance(5.9)) == []
+    assert table.do(table.match.advance(6.0))[0] == "write"
+
+
+def test_who_comes_back_again_and_again_has_its_turn_time_for_each_tick_once() -> None:
+    table = Table(time_control=replace(TERMS, grace_s=1e9)).begin()
+    for _ in range(5):
+        table.play(0.0)
+    table.do(table.match.submit(BLUE, 5, STAY, 0.0))
+    table.do(table.match.leave(RED, 0.0))
+    for now_s in (10.0, 20.0):
+        table.do(table.match.catch_up(RED, 5, now_s + 1.0))
+        table.do(table.match.leave(RED, now_s + 3.0))
+
+    assert table.do(table.match.catch_up(RED, 5, 30.0)) == []
+    assert table.do(table.match.advance(30.9)) == []
+    assert table.do(table.match.advance(31.0)) == ["ask red 5"]
+    table.do(table.match.leave(RED, 31.0))
+    assert table.do(table.match.catch_up(RED, 5, 32.0)) == ["ask red 5"]
+
+
+def test_orders_of_a_seat_that_catches_up_count() -> None:
+    table = Table().begin()
+    table.play(0.0)
+    table.do(table.match.catch_up(RED, 1, 0.0))
+    table.do(table.match.submit(BLUE, 1, STAY, 0.5))
+
+    assert table.do(table.match.submit(RED, 1, STAY, 0.5)) == ["write", "ask blue 2", "ask red 2", "publish"]
+
+
+def test_a_resumed_match_waits_for_who_catches_up() -> None:
+    table = Table().begin()
+    for _ in range(3):
+        table.play(0.0)
+    resumed = resume(table.journal, TERMS, 100.0)
+
+    resumed.do(resumed.match.ready(BLUE, 101.0))
+    assert resumed.do(resumed.match.catch_up(RED, 3, 101.0)) == []
+    assert resumed.do(resumed.match.advance(103.9)) == []
+    assert resumed.do(resumed.match.advance(104.0)) == ["ask blue 3", "ask red 3", "publish"]
+
+
+def test_without_a_clock_who_catches_up_is_waited_for() -> None:
+    table = Table(time_control=replace(TERMS, turn_time_s=None)).begin()
+    table.play(0.0)
+    table.do(table.match.catch_up(RED, 1, 0.0))
+
+    assert table.do(table.match.advance(1e9)) == []
 
 
 def test_the_bank_pays_for_what_a_turn_takes_too_long_and_the_clock_is_shown() -> None:
@@ -625,7 +723,7 @@ def test_a_journal_that_does_not_hold_is_not_resumed(what: str) -> None:
 @given(
     st.lists(
         st.tuples(
-            st.sampled_from(["ready", "leave", "submit", "advance", "garble"]),
+            st.sampled_from(["ready", "leave", "catch up", "submit", "advance", "garble"]),
             st.sampled_from(Team),
             st.floats(0, 4),
             st.binary(max_size=4),
@@ -641,9 +739,10 @@ def test_whatever_happens_the_match_ends_and_its_journal_verifies(steps: list[tu
         handlers: dict[str, Any] = {
             "ready": lambda: table.match.ready(team, now_s),  # noqa: B023
             "leave": lambda: table.match.leave(team, now_s),  # noqa: B023
+            "catch up": lambda: table.match.catch_up(team, len(data), now_s),  # noqa: B023
             "submit": lambda: table.match.submit(team, table.match.tick, data, now_s),  # noqa: B023
             "advance": lambda: table.match.advance(now_s),  # noqa: B023
-            "garble": lambda: table.match.garble(team) or [],  # noqa: B023
+            "garble": lambda: table.match.count_garbled(team) or [],  # noqa: B023
         }
         table.do(handlers[what]())
     for _ in range(20):

@@ -294,6 +294,8 @@ class Player:
             self.shown.append(message.observation)
         elif isinstance(message, History):
             self.shown[message.first_tick :] = message.observations
+            if len(self.shown) == message.end_tick:
+                self.ready()
         elif isinstance(message, Signed):
             ended = read_statement(message, PIT.public)
             assert isinstance(ended, Ended)

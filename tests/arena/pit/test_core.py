@@ -12,7 +12,7 @@ from arena.game.types import Team, Termination
 from arena.match.time_control import TimeControl
 from arena.pit.effects import Append, MatchEnded, PublishEnding, PublishTick, Send
 from arena.pit.events import ActionReceived, JournalAsked, LobbyAsked, Stopped, TimePassed, UnfinishedFound
-from arena.pit.match_session import MOST_FORGED
+from arena.pit.match_session import MOST_REJECTED
 from arena.pit.matches import RECEIPTS_S
 from arena.pit.seating import PlannedSeating
 from arena.protocol.codec import encode
@@ -24,6 +24,7 @@ from arena.records.replay import verify
 from arena.records.verification import Standing, check_seals
 
 FIRST = journal_name("pit/1")
+NO_FAULTS = {"late": 0, "unreadable": 0, "stale": 0, "garbled": 0, "forged": 0, "vanished": 0}
 
 
 @pytest.fixture
@@ -104,7 +105,132 @@ def test_deadlines_are_judged_by_when_orders_came_and_not_by_when_they_were_read
     assert [pit.core.matches[0].record(player.team).late for player in players] == [1, 1]
 
 
+# What a fault means
+
+
+def faults(pit: OfflinePit, player: Player) -> dict[str, int]:
+    """Return what was counted of a player of the match that runs."""
+    return pit.core.matches[0].record(player.team).faults()
+
+
+def test_a_router_that_doubles_and_reorders_what_a_seat_sends_is_no_fault_of_anybody(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    ready = [ann.sealer.close(encode(Ready(known_ticks=0)), 0) for _ in range(2)]
+    bob.ready()
+    for payload in (ready[1], ready[0], ready[1]):
+        ann.put(payload)
+    orders = [ann.sealer.close(encode(Orders(tick=tick, actions=bytes([1] * N_UNITS))), tick) for tick in range(2)]
+    for payload in (orders[0], orders[0]):
+        ann.put(payload)
+    bob.read()
+    bob.order()
+    for payload in (orders[0], orders[1], orders[0], orders[1]):
+        ann.put(payload)
+
+    assert (pit.core.matches[0].tick, faults(pit, ann)) == (1, NO_FAULTS)
+
+
+def test_a_copy_of_the_request_for_history_is_no_fault(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=2)
+    ready = ann.sealer.close(encode(Ready(known_ticks=0)), 0)
+
+    n_sent = [len(ann.put(ready)) for _ in range(3)]
+
+    assert n_sent == [1, 0, 0]
+    assert faults(pit, ann) == NO_FAULTS
+
+
+def test_what_was_sealed_under_the_keys_of_the_tickets_before_counts_for_nothing(pit: OfflinePit) -> None:
+    """A client that hears nothing asks whether its match still runs: its orders may cross the ticket that answers."""
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=1)
+    crossing = []
+    for _ in range(2):
+        crossing.append(ann.sealer.close(encode(Orders(tick=1, actions=bytes(N_UNITS))), 1))
+        ann.join(match=ann.ticket.match)
+    for payload in crossing:
+        assert ann.put(payload) == []
+    ann.ready()
+    ann.read()
+    ann.order()
+    bob.order()
+
+    assert (pit.core.matches[0].tick, faults(pit, ann)) == (2, NO_FAULTS)
+
+
+def test_what_a_seat_sends_to_a_pit_that_has_just_resumed_its_match_is_no_fault(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=1)
+    later = OfflinePit()
+    later.journals = dict(pit.journals)
+    later.do(find(pit, FIRST))
+
+    later.do(ActionReceived(*ann.place, ann.sealer.close(encode(Orders(tick=1, actions=bytes(N_UNITS))), 1)))
+
+    assert faults(later, ann) == NO_FAULTS
+
+
+def provoke(kind: str, pit: OfflinePit, ann: Player, bob: Player) -> None:
+    """Have red, whose turn it is, commit one fault."""
+    if kind == "late":
+        pit.pass_time(TimeControl().turn_time_s + TimeControl().bank_s)  # type: ignore[operator]  # there is a clock
+        bob.order()  # now it comes
+    elif kind == "unreadable":
+        bob.order(b"\x01")
+    elif kind == "stale":
+        bob.order(b"\x01" * N_UNITS).order(b"\x02" * N_UNITS)
+    elif kind == "garbled":
+        bob.put(bob.sealer.close(b"\xc1", 0))
+    elif kind == "forged":
+        bob.put(ann.sealer.close(encode(Orders(tick=0, actions=bytes(N_UNITS))), 0))
+    elif kind == "vanished":
+        bob.vanish()
+        bob.join(match=bob.ticket.match).ready()
+
+
+@pytest.mark.parametrize("kind", ["late", "unreadable", "stale", "garbled", "forged", "vanished"])
+def test_each_fault_is_provoked_and_only_it(pit: OfflinePit, kind: str) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=0)
+    ann.order()
+
+    provoke(kind, pit, ann, bob)
+    if pit.core.matches[0].tick == 0:
+        bob.order()
+
+    assert pit.core.matches[0].tick == 1
+    assert (faults(pit, ann), faults(pit, bob)) == (NO_FAULTS, NO_FAULTS | {kind: 1})
+
+
 # Who comes back, and who does not
+
+
+def test_a_history_is_sent_once_a_ticket_and_asking_for_more_is_stale(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=3)
+    n_effects = [len(ann.put(ann.sealer.close(encode(Ready(known_ticks=0)), 0))) for _ in range(5)]
+
+    assert n_effects == [1, 0, 0, 0, 0]
+    assert faults(pit, ann) == NO_FAULTS | {"stale": 4}
+    ann.join(match=ann.ticket.match).send(Ready(known_ticks=0))
+    assert [type(message) for message in ann.read()] == [History]
+
+
+def test_who_sees_its_history_again_is_asked_when_it_is_ready(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=5)
+    ann.vanish()
+    again = Player(pit, "ann", ann.identity, client="new").join().ready()
+    bob.order()
+
+    pit.pass_time(4.9)  # of 5 turns of a second
+    assert pit.core.matches[0].tick == 5
+    again.read()
+    pit.pass_time(TimeControl().bank_s)
+
+    assert pit.core.matches[0].tick == 5
+    assert pit.core.matches[0].record(Team.BLUE).late == 0
 
 
 def test_a_process_that_comes_back_gets_its_history_and_the_match_goes_on(pit: OfflinePit) -> None:
@@ -114,9 +240,8 @@ def test_a_process_that_comes_back_gets_its_history_and_the_match_goes_on(pit: O
     again = Player(pit, "ann", ann.identity, client="new").join()
 
     again.ready()
-    received = again.read()
-
-    assert [type(message) for message in received] == [History, Turn]
+    assert [type(message) for message in again.read()] == [History]
+    assert [type(message) for message in again.read()] == [Turn]
     assert again.shown == ann.shown
     again.order()
     bob.order()
@@ -129,7 +254,7 @@ def test_a_history_comes_before_its_turn_under_the_same_keys(pit: OfflinePit) ->
     play(ann, bob, n_ticks=2)
     ann.send(Ready(known_ticks=1))
 
-    assert [type(message) for message in ann.read()] == [History, Turn]
+    assert [type(message) for player in (ann, ann) for message in player.read()] == [History, Turn]
 
 
 def test_a_process_that_lost_its_keys_alone_gets_the_turn_again_under_new_ones(pit: OfflinePit) -> None:
@@ -225,19 +350,21 @@ def test_orders_that_are_replayed_or_of_another_tick_change_nothing(pit: Offline
     play(ann, bob, n_ticks=0)
     orders = ann.sealer.close(encode(Orders(tick=0, actions=bytes(N_UNITS))), 0)
     ann.put(orders)
+    ann.put(orders)
     bob.order()
     ann.put(orders)
     ann.send(Orders(tick=5, actions=bytes(N_UNITS)), 5)
+    ann.put(orders)
 
     match = pit.core.matches[0]
     assert match.tick == 1
-    assert match.record(Team.BLUE).stale == 2
+    assert match.record(Team.BLUE).faults() == NO_FAULTS | {"stale": 1}, "for the tick that is still to come"
     assert len(read_journal(whole_part(pit.journals[FIRST])).ticks) == 1
 
 
 def test_beyond_a_bound_forged_messages_are_not_tried_until_time_has_passed(pit: OfflinePit) -> None:
     ann, bob = begin(pit)
-    for _ in range(MOST_FORGED):
+    for _ in range(MOST_REJECTED):
         ann.put(b"junk" * 30)
     ann.ready()
     bob.ready()
@@ -391,7 +518,7 @@ def test_a_match_that_was_cut_off_is_resumed_at_its_tick_and_ends_as_it_would_ha
     players = [Player(later, player.name, player.identity).join(match=player.ticket.match) for player in (ann, bob)]
     for player in players:
         player.ready()
-    for player in players:
+    for player in (*players, *players):  # the history, and the turn that follows once both have seen it
         player.read()
     for _ in range(RULES.tick_limit - later.core.matches[0].tick):
         for player in players:

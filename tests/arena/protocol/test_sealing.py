@@ -9,7 +9,7 @@ from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
 from hypothesis import given
 from hypothesis import strategies as st
 
-from arena.errors import ForgedError
+from arena.errors import ForgedError, ProtocolError, ReplayedError
 from arena.game.types import Team
 from arena.protocol import sealing
 from arena.protocol.messages import PROTOCOL_VERSION
@@ -53,8 +53,8 @@ def plain_seal(key: bytes, context: bytes, multiple: int, count: int, tick: int,
     return counter + moment + ChaCha20Poly1305(key).encrypt(b"\x00\x00\x00\x00" + counter, data + padding, context + moment)
 
 
-def is_refused(opener: Opener, data: bytes) -> None:
-    with pytest.raises(ForgedError):
+def is_refused(opener: Opener, data: bytes, error: type[ProtocolError] = ForgedError) -> None:
+    with pytest.raises(error):
         opener.open(data)
 
 
@@ -275,7 +275,7 @@ def test_an_earlier_message_does_not_open_again() -> None:
     opener.open(first)
     opener.open(second)
 
-    with pytest.raises(ForgedError, match="second time, or late"):
+    with pytest.raises(ReplayedError, match="second time, or late"):
         opener.open(first)
     assert opener.open(third) == b"2"
 
@@ -293,15 +293,32 @@ def test_a_message_may_be_lost_and_does_not_open_once_a_later_one_did() -> None:
 
     assert opener.open(first) == b"0"
     assert opener.open(third) == b"2"
-    is_refused(opener, second)
-    is_refused(opener, first)
+    is_refused(opener, second, ReplayedError)
+    is_refused(opener, first, ReplayedError)
+
+
+def test_what_comes_again_and_is_changed_is_forged() -> None:
+    first, second = close(2)
+    opener = Opener(KEY, CONTEXT)
+    opener.open(second)
+
+    for genuine in (first, second):
+        is_refused(opener, genuine[:-1] + bytes([genuine[-1] ^ 1]))
+
+
+def test_it_can_be_told_what_was_sealed_under_a_key_at_any_time() -> None:
+    first, second = close(2)
+    opener = Opener(KEY, CONTEXT)
+    opener.open(second)
+
+    assert [opener.has_sealed(data) for data in (first, second, first[:-1], b"", b"junk" * 30)] == [True, True, *[False] * 3]
 
 
 def test_another_message_under_the_counter_of_the_last_does_not_open_though_the_key_holder_sealed_it() -> None:
     opener = Opener(KEY, CONTEXT)
     opener.open(plain_seal(KEY, CONTEXT, 64, 0, 1, b"north"))
 
-    is_refused(opener, plain_seal(KEY, CONTEXT, 64, 0, 1, b"south"))
+    is_refused(opener, plain_seal(KEY, CONTEXT, 64, 0, 1, b"south"), ReplayedError)
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.booleans()), max_size=30))
@@ -311,7 +328,8 @@ def test_however_messages_arrive_each_opens_once_in_order_but_for_repeats_of_the
 
     for number, is_forged in arrivals:
         if is_forged or number < last:
-            is_refused(opener, sealed[number][:-1] + bytes([sealed[number][-1] ^ is_forged]))
+            error = ForgedError if is_forged else ReplayedError
+            is_refused(opener, sealed[number][:-1] + bytes([sealed[number][-1] ^ is_forged]), error)
         else:
             assert opener.open(sealed[number]) == b"%d" % number
             last = number

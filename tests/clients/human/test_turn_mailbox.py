@@ -12,7 +12,7 @@ from arena.game.types import Action, Team, Termination
 from arena.match.effects import Ask
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
-from arena.policy import MatchResult, Thinking
+from arena.policy import MatchResult
 from arena.protocol.messages import Ended, History, Orders, Ticket, Turn
 from arena.records.journal import Header
 from clients.human.turn_mailbox import MARGIN_S, TurnMailbox
@@ -58,6 +58,7 @@ class Table:
         self.n_changes = self.n_wakes = 0
         self.mailbox.on_change, self.mailbox.wake = self._change, self._wake
         self.seat = Seat(ticket, bytes(32), self.mailbox.make)
+        self.seat.listen()
         self.mailbox.on_seat(self.seat)
 
     def _change(self) -> None:
@@ -67,11 +68,7 @@ class Table:
         self.n_wakes += 1
 
     def thinks(self, turn: Turn) -> bool:
-        try:
-            self.seat.receive(turn)
-        except Thinking:
-            return True
-        return False
+        return not self.seat.receive(turn)
 
 
 @pytest.fixture
@@ -93,7 +90,7 @@ def test_a_turn_is_answered_only_when_the_person_has_ended_it(table: Table) -> N
     head_west(table)
 
     table.mailbox.end_turn()
-    answer = table.seat.receive(TURNS[0])
+    (answer,) = table.seat.receive(TURNS[0])
 
     assert table.n_wakes == 1
     assert not table.mailbox.is_my_turn
@@ -113,7 +110,7 @@ def test_at_the_deadline_the_orders_go_out_as_they_stand(table: Table) -> None:
     assert table.thinks(TURNS[0])
 
     table.now_s += 0.1
-    answer = table.seat.receive(TURNS[0])
+    (answer,) = table.seat.receive(TURNS[0])
 
     assert isinstance(answer, Orders)
     assert int(Action.WEST) in answer.actions
@@ -165,11 +162,12 @@ def test_a_turn_ends_with_the_last_unit_that_got_its_order(table: Table) -> None
         table.mailbox.command(lambda commander, unit=unit: commander.select(unit) and commander.order(Action.STAY))  # type: ignore[misc]
 
     assert not table.mailbox.is_my_turn
-    assert table.seat.receive(TURNS[0]) == Orders(tick=0, actions=STAY)
+    assert table.seat.receive(TURNS[0]) == [Orders(tick=0, actions=STAY)]
 
 
 def test_history_is_seen_without_asking_the_person(table: Table) -> None:
-    table.seat.receive(History(first_tick=0, observations=[turn.observation for turn in TURNS[:3]], orders=[STAY] * 3))
+    seen = [turn.observation for turn in TURNS[:3]]
+    table.seat.receive(History(first_tick=0, observations=seen, orders=[STAY] * 3, end_tick=3))
 
     assert (table.seat.known_ticks, table.seat.answers) == (3, [STAY] * 3)
     assert [seen.tick for seen in table.mailbox.seen] == [0, 1, 2]
@@ -179,8 +177,6 @@ def test_history_is_seen_without_asking_the_person(table: Table) -> None:
 
 def test_a_turn_that_was_missed_is_not_answered_any_more(table: Table) -> None:
     assert table.thinks(TURNS[0])
-    table.seat.receive(History(first_tick=0, observations=[TURNS[0].observation], orders=[STAY]))
-
     assert table.thinks(TURNS[1])
     assert table.seat.answers == [STAY]
 
@@ -199,7 +195,7 @@ def test_an_autopilot_is_chosen_while_the_turn_is_on() -> None:
 
     assert commander.actions() == moves
     table.mailbox.end_turn()
-    assert table.seat.receive(TURNS[0]) == Orders(tick=0, actions=bytes(moves))
+    assert table.seat.receive(TURNS[0]) == [Orders(tick=0, actions=bytes(moves))]
 
 
 def test_the_ending_is_told_at_once_and_the_next_match_begins_with_nothing(table: Table) -> None:
@@ -214,6 +210,7 @@ def test_the_ending_is_told_at_once_and_the_next_match_begins_with_nothing(table
     assert (table.n_changes, table.mailbox.is_playing, table.mailbox.is_my_turn) == (n_changes + 1, False, False)
 
     following = Seat(replace(TICKET, match="n", opponent="bob"), bytes(32), table.mailbox.make)
+    following.listen()
     table.mailbox.on_seat(following)
 
     assert (table.mailbox.is_playing, table.mailbox.opponent, table.mailbox.seen, table.mailbox.view_model()) == (
@@ -222,8 +219,7 @@ def test_the_ending_is_told_at_once_and_the_next_match_begins_with_nothing(table
         [],
         None,
     )
-    with pytest.raises(Thinking):
-        following.receive(TURNS[0])
+    assert following.receive(TURNS[0]) == []
     commander = table.mailbox.commander
     assert commander is not None
     assert not np.any(commander.actions())

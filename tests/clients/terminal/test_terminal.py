@@ -17,7 +17,6 @@ from arena.game.types import Action, Code, Team
 from arena.match.effects import Ask, End
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
-from arena.policy import Thinking
 from arena.protocol.messages import Ended, Ticket, Turn
 from arena.records.journal import Header
 from clients.human.turn_mailbox import TurnMailbox
@@ -69,13 +68,12 @@ class Venue:
                 seats[Team.RED].receive(Ended(match="m", **event.result.to_dict()))
 
     def _ask(self, seat: Seat, turn: Turn) -> Any:
-        while not self.stopped.is_set():
+        said = seat.receive(turn)
+        while not (said or self.stopped.is_set()):
+            assert self.woken.wait(PATIENCE_S)
             self.woken.clear()
-            try:
-                return seat.receive(turn)
-            except Thinking:
-                assert self.woken.wait(PATIENCE_S)
-        return None
+            said = seat.think()
+        return said[0] if said else None
 
 
 Play = Callable[["Pilot[None]", PitApp, TurnMailbox], Awaitable[None]]
