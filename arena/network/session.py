@@ -17,6 +17,7 @@ from zenoh.handlers import Callback, RingChannel
 
 from arena.errors import InputError, LostPitError
 from arena.network.access import Certificate, access_rules, check_authority, check_certificate
+from arena.network.capacity import MOST_PENDING, most_sessions
 from arena.protocol.codec import MOST_BYTES
 
 Put = Callable[[bytes], None]
@@ -228,6 +229,8 @@ def open_router(endpoint: str, pit: str, certificate: Certificate | None = None)
     settings: dict[str, Any] = {
         "listen/endpoints": [endpoint],
         _WAIT_BEFORE_CLOSE: _ROUTER_WAITS_US,
+        "transport/unicast/max_sessions": most_sessions(),
+        "transport/unicast/accept_pending": MOST_PENDING,
         "transport/link/rx/max_message_size": _MOST_WIRE_BYTES,
         "access_control": access_rules(pit),
     }
