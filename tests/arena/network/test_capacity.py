@@ -34,5 +34,5 @@ def test_the_limit_is_raised_and_sessions_leave_room_for_a_journal_for_every_fou
 
 def test_a_limit_that_is_too_low_for_a_pit_is_refused() -> None:
     assert ask(100, LEAST_FILES - 1) == (
-        f"a pit needs {LEAST_FILES} open files at least, and may have {LEAST_FILES - 1}; raise that by ulimit -n 1024"
+        f"a pit needs {LEAST_FILES} open files at least, and may have {LEAST_FILES - 1}; raise the limit: ulimit -n 1024"
     )
