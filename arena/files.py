@@ -2,8 +2,10 @@
 
 import os
 import stat
+import tomllib
 from errno import EFBIG, EINVAL, EISDIR
 from pathlib import Path
+from typing import Any
 
 MOST_BYTES = 1 << 26
 """More than any journal or transcript has."""
@@ -58,3 +60,11 @@ def _check(found: os.stat_result, most_bytes: int) -> None:
 
 def _too_large(most_bytes: int) -> OSError:
     return OSError(EFBIG, f"it is larger than {most_bytes:,} bytes")
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return what a text in TOML says, whoever wrote it; `ValueError`, in a few words, if it is none."""
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("its values are nested too deeply") from None

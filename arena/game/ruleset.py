@@ -6,7 +6,6 @@ The shipped rulesets are the files in `rulesets/`; `RULESETS` names them. A file
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from arena.errors import RulesetError, UnknownNameError
-from arena.files import read_text
+from arena.files import parse_toml, read_text
 from arena.game.board import Board, parse_board
 from arena.game.types import RULES_VERSION, Team
 
@@ -140,8 +139,8 @@ def parse_overrides(settings: Iterable[str]) -> dict[str, Any]:
     merged: dict[str, Any] = {}
     for setting in settings:
         try:
-            merged = _merge(merged, tomllib.loads(setting))
-        except tomllib.TOMLDecodeError as error:
+            merged = _merge(merged, parse_toml(setting))
+        except ValueError as error:
             raise RulesetError(f"cannot read the setting {setting!r} ({error}); write KEY=VALUE, as in side=16") from error
     return merged
 
@@ -153,9 +152,10 @@ def _shipped(name: str) -> Ruleset:
 
 def _parse(name: str, text: str) -> Ruleset:
     try:
-        return from_dict(name, tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
+        values = parse_toml(text)
+    except ValueError as error:
         raise RulesetError(f"the ruleset {name} is not TOML: {error}") from error
+    return from_dict(name, values)
 
 
 def _merge(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:

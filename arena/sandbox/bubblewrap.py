@@ -10,6 +10,7 @@ import shutil
 import site
 import subprocess
 import sys
+import sysconfig
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.util import find_spec
@@ -67,6 +68,8 @@ def wall_command(
     for place in _sorted([*_python(), *readable]):
         arguments += ["--ro-bind", str(place), str(place)]
     # /proc, too: where we are root, the kernel would let it write settings of the whole machine there.
+    for place in _unused():
+        arguments += ["--tmpfs", str(place), "--remount-ro", str(place)]
     arguments += ["--remount-ro", "/proc", "--remount-ro", "/dev", "--remount-ro", "/", "--chdir", HOME]
     variables = {"PATH": _path(), "HOME": HOME, "LANG": "C.UTF-8", "PYTHONDONTWRITEBYTECODE": "1", **(environment or {})}
     for name, value in variables.items():
@@ -117,6 +120,12 @@ def _python() -> list[Path]:
         spec = find_spec(name)
         folders += [Path(place) for place in (spec.submodule_search_locations if spec else None) or ()]
     return [folder for folder in folders if folder.is_dir() and folder != Path("/")]
+
+
+def _unused() -> list[Path]:
+    """Return the folders of packages below those of `_python` that this environment does not use."""
+    packages = Path(sysconfig.get_path("purelib", vars={"base": sys.base_prefix, "platbase": sys.base_prefix}))
+    return [packages] if packages.is_dir() and str(packages) not in sys.path and not packages.is_relative_to("/usr") else []
 
 
 def _sorted(paths: Iterable[Path]) -> list[Path]:

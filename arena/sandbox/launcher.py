@@ -15,6 +15,7 @@ from typing import Any
 
 _MIB = 1 << 20
 _PR_SET_PDEATHSIG = 1
+_FIRST_TO_GO = "1000"
 
 
 def main() -> None:
@@ -22,6 +23,7 @@ def main() -> None:
     order: dict[str, Any] = json.loads(sys.argv[1])
     if "parent" in order:
         _follow(order["parent"])
+        Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)  # before the referee, should the machine run out of memory
     for group in order.get("groups", ()):
         Path(group).write_text(str(os.getpid()))
     if "limits" in order:

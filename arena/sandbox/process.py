@@ -77,7 +77,7 @@ class SandboxedProcess:
             stdin=subprocess.PIPE if log is None else subprocess.DEVNULL,
             stdout=subprocess.PIPE if log is None else log,
             stderr=subprocess.PIPE if log is None else log,
-            env=None if sandbox.has_wall else environment,
+            env={} if sandbox.has_wall else environment,  # what bubblewrap has, its first process shows in /proc
             cwd=None if sandbox.has_wall else cwd,
             start_new_session=True,
             bufsize=0,

@@ -81,7 +81,7 @@ class WorkerFactory:
         """Return a policy whose seats are played by processes."""
         return WorkerPolicy(ruleset, team, n_seats, self)
 
-    def prepare(self) -> None:
+    def prepare(self, patience_s: float = LOAD_S) -> None:
         """Start a process, and return once it has loaded the fighter.
 
         Raises
@@ -94,7 +94,6 @@ class WorkerFactory:
         self._sandbox.check()
         worker = self.acquire()
         with self._changed:
-            patience_s = self._patience_s or LOAD_S
             self._changed.wait_for(lambda: worker.is_loaded or worker.failure is not None, patience_s)
         if not worker.is_loaded:
             worker.kill(f"it was not ready after {patience_s:g} s")

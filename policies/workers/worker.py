@@ -200,7 +200,7 @@ class Worker:
 
     def _finish(self, *, is_dismissed: bool) -> None:
         code = self._process.end(0.0 if is_dismissed or self.failure else _EXIT_S)
-        met = self._process.limits_met(code, has_ended_itself=not is_dismissed)
+        met = self._process.limits_met(code, has_ended_itself=not is_dismissed and self.failure is None)
         for name in met:
             self._note(name)
         if self.failure is None:

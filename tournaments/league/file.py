@@ -4,7 +4,6 @@ The shipped leagues are the files in `leagues/`; `LEAGUES` names them.
 """
 
 import json
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from importlib.resources import files
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from arena.errors import InputError, UnknownNameError
-from arena.files import read_text
+from arena.files import parse_toml, read_text
 from arena.game.keys import KEY_BYTES
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
@@ -70,8 +69,8 @@ def parse_league(text: str, name: str, folder: Path) -> League:
         Where the paths in the text start.
     """
     try:
-        values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        values = parse_toml(text)
+    except ValueError as error:
         raise LeagueError(f"the league {name} is not TOML: {error}") from error
     if "hero" in values:
         raise LeagueError(f"league {name} says hero = {_toml(values['hero'])}; the key is called challenger now")

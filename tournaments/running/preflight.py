@@ -31,6 +31,8 @@ _AT_ONCE = 4
 """Fighters that are loaded; most of a start is waiting for the disk."""
 _MOST_TURNS, _MOST_S = 12, 2.0
 """Of a trial, after its first turn."""
+_MOST_TURN_S = 5.0
+"""A turn that takes longer says nothing of the others."""
 _TRUSTED = Sandbox(has_wall=False, limits=NO_LIMITS)
 
 
@@ -75,7 +77,8 @@ class _Trial:
 
     def __init__(self, spec: str, sandbox: Sandbox, ruleset: Ruleset, patience_s: float) -> None:
         self._spec, self._ruleset = spec, ruleset
-        self._factory = WorkerFactory(spec, has_wall=sandbox.has_wall, limits=sandbox.limits, patience_s=patience_s)
+        self._factory = WorkerFactory(spec, has_wall=sandbox.has_wall, limits=sandbox.limits, patience_s=_MOST_TURN_S)
+        self._patience_s = patience_s
         self._is_stopped = False
         self.why_not = ""
         """Why it cannot start."""
@@ -91,7 +94,7 @@ class _Trial:
         if self._is_stopped:
             return
         try:
-            self._factory.prepare()
+            self._factory.prepare(self._patience_s)
             with turn:
                 self.think_s = self._time()
         except ArenaError as error:

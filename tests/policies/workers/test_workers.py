@@ -45,7 +45,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
             source = str(tmp_path / "bot.py")
         factory = WorkerFactory(source, **settings)  # type: ignore[arg-type]
         factories.append(factory)
-        factory.prepare()
+        factory.prepare(*([2.0] if "patience_s" in settings else []))
         policy = factory(PAPER, Team.BLUE, 1)
         policy.start(np.arange(1))
         return policy
