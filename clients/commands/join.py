@@ -42,12 +42,14 @@ def join(
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where transcripts live; your data folder without it.")] = None,
 ) -> None:
     """Play matches in a pit, and print how each ended."""
+    from arena.compiling import compile_kernels, game_kernels
     from arena.folders import data_folder
     from arena.game.ruleset import load as load_rules
     from arena.keyring.files import load, load_or_make
     from arena.keyring.ring import entry_key_path
     from arena.network.address import parse_address
     from arena.protocol.topics import check_chunk
+    from clients.precompile import fighter_kernels
     from clients.runner import Runner
     from clients.settings import ClientSettings
     from policies.registry import load as load_policy
@@ -80,6 +82,8 @@ def join(
         on_audit=_print_verdict if audit else None,
         transcripts=data_folder(data_folder(data) / "transcripts") if transcripts else None,
     )
+    rules_of_audit = game_kernels(load_rules("paper")) if audit else []  # which plays again, perhaps while another slot thinks
+    compile_kernels([*rules_of_audit, *fighter_kernels([] if program else [autopilot or policy])])
     if mailbox is not None:
         _play_as_human(mailbox, settings, notes)
         return
