@@ -26,10 +26,20 @@ settings.load_profile(SIZE)
 
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile the kernels once, before several workers and all their processes do so at the same time."""
-    if hasattr(session.config, "workerinput") or not getattr(session.config.option, "numprocesses", None):
-        return
+    if getattr(session.config.option, "numprocesses", None) and not hasattr(session.config, "workerinput"):
+        compile_kernels()
+
+
+def compile_kernels() -> None:
     command = [sys.executable, "-c", "from clients.doctor import compile_all; compile_all()"]
     subprocess.run(command, check=True)
+
+
+@pytest.fixture(scope="session")
+def compiled(pytestconfig: pytest.Config) -> None:
+    """Have all kernels in the cache, so that no command says that it compiles them."""
+    if not hasattr(pytestconfig, "workerinput"):
+        compile_kernels()
 
 
 @pytest.fixture(scope="session")
@@ -39,7 +49,7 @@ def size() -> Callable[[int, int], int]:
 
 
 @pytest.fixture(scope="session")
-def arena() -> Callable[..., subprocess.CompletedProcess[str]]:
+def arena(compiled: None) -> Callable[..., subprocess.CompletedProcess[str]]:
     """Run the command line as a user does: `arena("rules", "paper")`."""
 
     def run(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -57,7 +67,7 @@ def config_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pyt
 
 @pytest.fixture
 def here(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    compiled: None, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[Callable[..., subprocess.CompletedProcess[str]]]:
     """Run the command line as `arena` does, but in this process: nothing is started and imported anew for it."""
     handler = signal.getsignal(signal.SIGTERM)

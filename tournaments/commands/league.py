@@ -65,8 +65,7 @@ def run_league(
     """Play what is left of a league, and print the leaderboard. Stopped at any moment, it goes on from there.
 
     With --progress json, which --json implies, each line on stderr is a JSON object: an "event" (compiling, begin, invitation,
-    match, stopped, end) and its facts; of a match how many are "played" "of" how many, at how many "per_s", and the seconds
-    "left_s".
+    match, stopped, end) and its facts; of a match how many are "played" "of" how many, at how many "per_s", and the "left_s".
     """
     import signal
 
