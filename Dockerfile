@@ -17,8 +17,8 @@ RUN useradd --create-home --uid 1000 arena && install --directory --owner=arena 
 COPY --from=build /opt/arena /opt/arena
 ENV PATH=/opt/arena/bin:$PATH NUMBA_CACHE_DIR=/kernels PYTHONUNBUFFERED=1
 USER arena
-# Kernels are compiled for the processor that builds the image; another kind compiles them anew at its first match.
-RUN arena play rush patrol --pairs 1 --workers 1 && arena doctor
+# Kernels are compiled for the processor that builds the image; another kind compiles them anew at its first start.
+RUN arena doctor --compile && arena play rush patrol --pairs 1 --workers 1
 VOLUME /data
 EXPOSE 7447
 HEALTHCHECK --interval=30s --timeout=15s --start-period=20s CMD ["arena", "doctor", "--pit", "tcp/127.0.0.1:7447"]

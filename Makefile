@@ -13,7 +13,7 @@ READY := .venv/.ready
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-setup: $(READY) ## make .venv and install all extras, as constraints.txt pins them
+setup: $(READY) ## make .venv, install all extras as constraints.txt pins them, and compile the rules and the fighters
 
 $(READY): pyproject.toml constraints.txt
 	@command -v $(PYTHON) >/dev/null || { echo "make setup: there is no $(PYTHON); install Python 3.11 or later, or name one: make setup PYTHON=..." >&2; exit 1; }
@@ -22,6 +22,7 @@ $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(PIP) $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) torch
 	$(PIP) --editable '.[dev]'
+	$(BIN)/arena doctor --compile
 	@touch $@
 
 tournament: $(READY) ## run the starter league over the network, results in ./arena-data

@@ -107,6 +107,34 @@ def progress_bar(total: int, what: str, *, each: str = "matches") -> Iterator[Ca
         yield advance
 
 
+@contextmanager
+def compiling_bar(n_kernels: int, expected_s: float) -> Iterator[Callable[[], None]]:
+    """Say at once on stderr that kernels are compiled, and on a terminal how far that is; what is yielded counts one further."""
+    what = "compiling the rules and the fighters, once"
+    if not sys.stderr.isatty():
+        typer.echo(f"{what}: {_kernels(n_kernels)}, about {expected_s:.0f} s", err=True)
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn(what),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("kernels"),
+        TimeElapsedColumn(),
+        TextColumn(f"of about {expected_s:.0f} s"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("", total=n_kernels)
+        yield lambda: progress.advance(task)
+
+
+def _kernels(n: int) -> str:
+    return f"{n} kernel{'s' if n > 1 else ''}"
+
+
 class JsonProgress:
     """Progress for machines, on stderr: one JSON object a line, whose `event` says what happened."""
 

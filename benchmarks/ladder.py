@@ -31,7 +31,7 @@ from arena.records.journal import load_journal
 from arena.records.replay import BrokenChainError
 from arena.records.verification import check_seals
 from benchmarks.measuring.load_generator import LoadGenerator
-from clients.precompile import precompile
+from policies.precompile import precompile
 from policies.registry import load
 from tournaments.fixture import plan_fixture, tally
 from tournaments.ladder.ladder import open_ladder

@@ -1,18 +1,28 @@
 """Checks for `arena doctor`: whether this machine is fit to play, and whether a pit answers."""
 
 import platform
-import time
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 
+from arena.compiling import Kernel, compile_kernels, find_missing, game_kernels
 from arena.errors import ArenaError
+from arena.game.ruleset import load
+from arena.jit import cache_root
 from arena.network.address import parse_address
 from arena.network.session import open_client
 from arena.protocol.identity import to_text
 from clients.lobby import ask_challenge, ask_lobby
+from policies.precompile import fighter_kernels
+from policies.registry import OWN, shipped
 
 Finding = tuple[str, bool, str]
 """What was checked, whether it is well, and what was found."""
+
+
+def compile_all() -> None:
+    """Compile the rules and all fighters that can play here, and say on stderr how far that is; nothing, if they are compiled."""
+    compile_kernels(_all_kernels())
 
 
 def examine(pit: str, authority: Path | None) -> list[Finding]:
@@ -29,13 +39,23 @@ def _check_versions() -> Finding:
 
 
 def _check_kernels() -> Finding:
-    """Load, or compile, what every match needs."""
-    begin_s = time.monotonic()
-    from clients.precompile import precompile
-    from policies.registry import load
+    """Load what matches need; what is missing is no fault, for the first command that needs it compiles it."""
+    kernels, root = _all_kernels(), cache_root()
+    missing = find_missing(kernels)
+    if not missing:
+        return "kernels", True, f"compiled: all {len(kernels)}, in {root}"
+    names = ", ".join(kernel.name for kernel in missing)
+    return (
+        "kernels",
+        True,
+        f"{len(missing)} of {len(kernels)} are not compiled yet ({names}), in {root}; arena doctor --compile does it now",
+    )
 
-    precompile(load("rush"))
-    return "kernels", True, f"ready after {time.monotonic() - begin_s:.1f} s"
+
+def _all_kernels() -> list[Kernel]:
+    """Return the kernels of the game and of each fighter; of networks, if what they are computed with is installed."""
+    networks = shipped() if find_spec("torch") else ()
+    return [*game_kernels(load("paper")), *fighter_kernels((*OWN, *networks))]
 
 
 def _check_pit(pit: str, authority: Path | None) -> Finding:

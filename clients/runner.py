@@ -20,9 +20,9 @@ from arena.protocol.messages import Ticket
 from arena.records.transcript import TranscriptHeader, TranscriptWriter, transcript_name
 from clients import events
 from clients.core import ClientCore
-from clients.precompile import precompile
 from clients.seat import Seat
 from clients.settings import ClientSettings
+from policies.precompile import precompile
 
 MOST_WAITING = 2_000
 """Messages in the queue."""

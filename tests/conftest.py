@@ -9,8 +9,6 @@ from collections.abc import Callable, Iterator
 import pytest
 from hypothesis import HealthCheck, settings
 
-from policies.heuristics.believing import BelievingPolicy
-from policies.registry import OWN, load
 from tournaments.cli import main
 
 SIZES = {"small": 40, "full": 1_000}
@@ -26,33 +24,22 @@ for name, max_examples in SIZES.items():
 settings.load_profile(SIZE)
 
 
-COMPILE = """
-import sys
-from arena.game.keys import secret_from_seed
-from arena.game.ruleset import load as load_rules
-from arena.game.engine import warm as warm_games
-from arena.local.venue import play_batch
-from clients.precompile import precompile
-from policies.registry import load
-from tournaments.fixture import plan_fixture
-for name in sys.argv[1:]:
-    fighter = load(name)
-    precompile(fighter)
-    if name == "random":
-        warm_games(load_rules("paper"))
-        list(play_batch(load_rules("paper"), plan_fixture("warm", name, name, 1, secret_from_seed(1))[:1], fighter, fighter))
-"""
-"""`random`, the simplest, is compiled together with the game."""
-
-
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile the kernels once, before several workers and all their processes do so at the same time."""
-    if hasattr(session.config, "workerinput") or not getattr(session.config.option, "numprocesses", None):
-        return
-    believing = [name for name in OWN if issubclass(load(name), BelievingPolicy)]  # those have the most to compile
-    halves = [name for name in OWN if name not in believing], believing
-    processes = [subprocess.Popen([sys.executable, "-c", COMPILE, *names]) for names in halves]
-    assert [process.wait() for process in processes] == [0, 0]
+    if getattr(session.config.option, "numprocesses", None) and not hasattr(session.config, "workerinput"):
+        compile_kernels()
+
+
+def compile_kernels() -> None:
+    command = [sys.executable, "-c", "from clients.doctor import compile_all; compile_all()"]
+    subprocess.run(command, check=True)
+
+
+@pytest.fixture(scope="session")
+def compiled(pytestconfig: pytest.Config) -> None:
+    """Have all kernels in the cache, so that no command says that it compiles them."""
+    if not hasattr(pytestconfig, "workerinput"):
+        compile_kernels()
 
 
 @pytest.fixture(scope="session")
@@ -62,7 +49,7 @@ def size() -> Callable[[int, int], int]:
 
 
 @pytest.fixture(scope="session")
-def arena() -> Callable[..., subprocess.CompletedProcess[str]]:
+def arena(compiled: None) -> Callable[..., subprocess.CompletedProcess[str]]:
     """Run the command line as a user does: `arena("rules", "paper")`."""
 
     def run(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -80,7 +67,7 @@ def config_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pyt
 
 @pytest.fixture
 def here(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    compiled: None, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[Callable[..., subprocess.CompletedProcess[str]]]:
     """Run the command line as `arena` does, but in this process: nothing is started and imported anew for it."""
     handler = signal.getsignal(signal.SIGTERM)

@@ -7,18 +7,11 @@ import numpy as np
 from arena.display.frame import describe_rules, describe_tick
 from arena.errors import JournalError
 from arena.game.engine import BatchedGame
-from arena.game.engine import warm as warm_games
-from arena.game.ruleset import load
 from arena.game.state import StateField
 from arena.game.types import Team
 from arena.records.journal import Journal, match_id, read_journal
 from arena.records.replay import BrokenChainError, replay
 from arena.records.verification import check_seals
-
-
-def warm() -> None:
-    """Compile, or load, all that it takes to play a journal again; the kernels are the same for all rulesets."""
-    warm_games(load("paper"))
 
 
 def describe_match(data: bytes) -> dict[str, Any]:

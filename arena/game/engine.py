@@ -30,9 +30,31 @@ _RUNNING = int(Termination.RUNNING)
 
 def warm(ruleset: Ruleset) -> None:
     """Compile, or load, all that a match needs, before anybody waits for it."""
+    for prepare in (prepare_boards, prepare_views, prepare_steps, prepare_turns):
+        prepare(ruleset)
+
+
+def prepare_boards(ruleset: Ruleset) -> None:
+    """Compile, or load, what lays out a match."""
+    BatchedGame(ruleset, 1).start([0], [MatchKeys(map_key=bytes(KEY_BYTES), match_key=bytes(KEY_BYTES))])
+
+
+def prepare_views(ruleset: Ruleset) -> None:
+    """Compile, or load, what each team is shown."""
     games = BatchedGame(ruleset, 1)
-    games.start([0], [MatchKeys(map_key=bytes(KEY_BYTES), match_key=bytes(KEY_BYTES))])
     games.observe()
+    games.grids()
+
+
+def prepare_steps(ruleset: Ruleset) -> None:
+    """Compile, or load, a step of a match."""
+    games = BatchedGame(ruleset, 1)
+    games.step(np.zeros(games.state.cell.shape, np.int8))
+
+
+def prepare_turns(ruleset: Ruleset) -> None:
+    """Compile, or load, a step and what is shown after it, in one: a turn in a pit."""
+    games = BatchedGame(ruleset, 1)
     games.play(np.zeros(games.state.cell.shape, np.int8))
 
 

@@ -49,6 +49,7 @@ def join(
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where transcripts live; your data folder without it.")] = None,
 ) -> None:
     """Play matches in a pit, and print how each ended."""
+    from arena.compiling import compile_kernels, game_kernels
     from arena.folders import data_folder
     from arena.game.ruleset import load as load_rules
     from arena.keyring.files import load, load_or_make
@@ -58,6 +59,7 @@ def join(
     from arena.sandbox.limits import BEHIND_A_WALL, NO_LIMITS
     from clients.runner import Runner
     from clients.settings import ClientSettings
+    from policies.precompile import fighter_kernels
     from policies.registry import OWN
     from policies.registry import load as load_policy
     from policies.workers.policy import WorkerFactory
@@ -99,6 +101,8 @@ def join(
         on_audit=_print_verdict if audit else None,
         transcripts=data_folder(data_folder(data) / "transcripts") if transcripts else None,
     )
+    rules_of_audit = game_kernels(load_rules("paper")) if audit else []  # which plays again, perhaps while another slot thinks
+    compile_kernels([*rules_of_audit, *fighter_kernels([] if program else [autopilot or policy])])
     if mailbox is not None:
         _play_as_human(mailbox, settings, notes)
         return

@@ -96,6 +96,11 @@ class Encoded(NamedTuple):
     """Shape (n, units, actions): which actions of the frame can move a unit, as far as its team knows; STAY always may."""
 
 
+def prepare_encoder(ruleset: Ruleset) -> None:
+    """Compile, or load, what an encoder needs."""
+    Encoder(ruleset, Team.BLUE, 1).encode(Observations.blank(ruleset, Team.BLUE, 1))
+
+
 class Encoder:
     """Encodes the observations of a batch of seats of one team, and keeps a belief for each."""
 

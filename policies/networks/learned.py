@@ -5,7 +5,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -158,6 +158,7 @@ def infer_units(network: PaperTeam, views: Tensor, unit: Tensor) -> NDArray[np.f
 class LearnedFactory:
     """The `BatchFactory` of a checkpoint. Reading the file is what takes long, and is done before any seat is asked for."""
 
+    is_ours: ClassVar[bool] = True
     checkpoint: Checkpoint
     most_seats: int = 256
 

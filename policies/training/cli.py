@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -72,6 +73,9 @@ def start_or_go_on(
         os.environ |= KEEP | {name: os.environ[name] for name in KEEP if name in os.environ}
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
     with needs("train", "arena train"):
+        from arena.compiling import Kernel, compile_kernels, game_kernels
+        from arena.game.ruleset import load
+        from policies.networks.features import prepare_encoder
         from policies.networks.learned import limit_threads
         from policies.training.budget import Budget
         from policies.training.curriculum import has_ended, stages_of, start_of
@@ -87,6 +91,10 @@ def start_or_go_on(
         config = make_config(method, start, budget, rules=rules, seed=seed, assignments=settings or ())
     limit_threads()
     processes = join_processes(device)
+    if processes.is_first:  # the kernels are the same for all rulesets; those of single fighters follow as they are met
+        ruleset = load("paper")
+        compile_kernels([*game_kernels(ruleset), Kernel(name="features", run=partial(prepare_encoder, ruleset), seconds=22)])
+    processes.share_first(None)
     for name, folder in folders.items():
         if curriculum and resume and has_ended(folder):
             continue

@@ -14,6 +14,7 @@ from arena.game.ruleset import Ruleset, from_dict
 from arena.game.types import Team
 from arena.policy import BatchFactory, MatchResult
 from arena.protocol.observation_codec import ObservationReader
+from policies.precompile import precompile
 from policies.registry import load
 from policies.workers.frames import pack, read_frame
 
@@ -47,6 +48,7 @@ def main() -> None:
     inbox, outbox = _move_pipes()
     try:
         make = load(sys.argv[1])
+        precompile(make)
     except MemoryError:
         outbox.write(pack(["failed", "it takes more memory than its limits leave"]))
         return

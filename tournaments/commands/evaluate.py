@@ -33,9 +33,11 @@ def evaluate(
     """
     from dataclasses import asdict
 
+    from arena.compiling import compile_kernels, game_kernels
     from arena.game.ruleset import load as load_rules
     from arena.game.ruleset import parse_overrides
     from arena.game.types import Team
+    from policies.precompile import fighter_kernels
     from policies.registry import load
     from tournaments.evaluation.evaluate import CANDIDATE
     from tournaments.evaluation.evaluate import evaluate as play_all
@@ -45,6 +47,11 @@ def evaluate(
     if not opponents or CANDIDATE in opponents:
         raise InputError(f"--against is {against!r}; it must name fighters, divided by commas, and none called {CANDIDATE}")
     ruleset = load_rules(rules).with_(parse_overrides(settings or []))
+    with stdout_to_stderr():
+        fighters = (checkpoint, *opponents) if ruleset.team(Team.RED) else (checkpoint,)
+        for spec in fighters:
+            load(spec)
+        compile_kernels([*game_kernels(ruleset), *fighter_kernels(fighters)])
     facts = {"fighter": checkpoint, "rules": ruleset.name, "rules_hash": ruleset.hash, "seed": seed, "pairs": pairs}
     if not ruleset.team(Team.RED):
         with stdout_to_stderr(), progress_bar(pairs, checkpoint) as advance:
@@ -56,9 +63,6 @@ def evaluate(
         print_table(("captures", "ticks", "shortest way", "ticks / shortest"), [row])
         typer.echo(f"{pairs} matches alone, rules {ruleset.name}, seed {seed}")
         return
-    with stdout_to_stderr():
-        for spec in (checkpoint, *opponents):
-            load(spec)
     with stdout_to_stderr(), progress_bar(2 * pairs * len(opponents), checkpoint) as advance:
         found = dict(play_all(ruleset, checkpoint, opponents, pairs=pairs, seed=seed, advance=advance, workers=workers))
     if as_json:

@@ -1,16 +1,16 @@
 """The sub-commands of leagues: `arena tournament` and `arena leaderboard`."""
 
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from arena.console import AsJson, JsonProgress, print_json, print_table, progress_bar, stdout_to_stderr
+from arena.console import AsJson, JsonProgress, compiling_bar, print_json, print_table, progress_bar, stdout_to_stderr
 from arena.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from tournaments.league.league import League
     from tournaments.reports.report import Report
@@ -64,12 +64,14 @@ def run_league(
 ) -> None:
     """Play what is left of a league, and print the leaderboard. Stopped at any moment, it goes on from there.
 
-    With --progress json, which --json implies, each line on stderr is a JSON object: an "event" (begin, invitation, match,
-    stopped, end) and its facts; of a match how many are "played" "of" how many, at how many "per_s", and the seconds "left_s".
+    With --progress json, which --json implies, each line on stderr is a JSON object: an "event" (compiling, begin, invitation,
+    match, stopped, end) and its facts; of a match how many are "played" "of" how many, at how many "per_s", and the "left_s".
     """
     import signal
 
+    from arena.compiling import compile_kernels, game_kernels
     from arena.folders import data_folder
+    from policies.precompile import fighter_kernels
     from tournaments.league.file import load_league
     from tournaments.league.league import VENUES
     from tournaments.reports.formats import render, save
@@ -89,6 +91,8 @@ def run_league(
     with Store(db or str(folders.data / "arena.db")) as store:
         think_s: dict[str, float] = {}
         if not is_over(store, chosen):
+            kernels = [*game_kernels(chosen.ruleset), *fighter_kernels(chosen.entries.values())]
+            compile_kernels(kernels, _compiling_lines if is_for_machines else compiling_bar)
             think_s = check_entries(chosen.entries, chosen.ruleset, chosen.sandboxes)
         slots = chosen.slots or choose_slots(think_s, chosen.time_control)
         why = explain_slots(slots, think_s) if chosen.slots is None and venue == "network" else ""
@@ -104,6 +108,13 @@ def run_league(
         JsonProgress(0).say("end", report=str(page), journals=str(journals))
     else:
         typer.echo(f"report:   {page}\njournals: {journals}", err=form != "text")
+
+
+@contextmanager
+def _compiling_lines(n_kernels: int, expected_s: float) -> "Iterator[Callable[[], None]]":
+    """Say to a program that kernels are compiled."""
+    JsonProgress(0).say("compiling", kernels=n_kernels, expected_s=round(expected_s, 1))
+    yield lambda: None
 
 
 def _play_league(scheduler: "Scheduler", venue: str, title: str, slots: int, *, is_for_machines: bool) -> None:

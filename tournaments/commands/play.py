@@ -32,8 +32,10 @@ def play(
     """Let two fighters play each other in this process, and count from A's side."""
     import secrets
 
+    from arena.compiling import compile_kernels, game_kernels
     from arena.game.keys import secret_from_seed
     from arena.local.venue import play as play_matches
+    from policies.precompile import fighter_kernels
     from policies.registry import load, load_entry
     from tournaments.fixture import plan_fixture, tally
 
@@ -42,6 +44,7 @@ def play(
     with stdout_to_stderr():
         for spec in specs.values():
             load(spec, cheats=True)
+        compile_kernels([*game_kernels(ruleset), *fighter_kernels(specs.values())])
     seed = secrets.randbelow(2**53) if seed is None else seed
     first, second = specs
     plans = plan_fixture("play", first, second, pairs, secret_from_seed(seed))

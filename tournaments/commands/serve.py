@@ -56,6 +56,7 @@ def serve(
     from contextlib import ExitStack, nullcontext
     from dataclasses import replace
 
+    from arena.compiling import compile_kernels, game_kernels
     from arena.folders import data_folder
     from arena.game.keys import new_secret, secret_from_seed
     from arena.game.ruleset import load, parse_overrides
@@ -100,6 +101,8 @@ def serve(
         n_matches=matches,
         fsync=fsync,
     )
+
+    compile_kernels(game_kernels(chosen.ruleset))
 
     def on_open(n_resumed: int) -> None:
         typer.echo(f"pit open at {chosen.address} (rules {chosen.ruleset.name})")

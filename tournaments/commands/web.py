@@ -37,9 +37,10 @@ def web(
     import sys
     import threading
 
-    from arena.display.replay_frames import warm
+    from arena.compiling import compile_kernels, game_kernels
     from arena.extras import needs
     from arena.folders import data_folder
+    from arena.game.ruleset import load
     from arena.keyring.files import load_or_make, load_secret
     from arena.keyring.ring import entry_key_path
     from arena.network.address import parse_address
@@ -94,7 +95,7 @@ def web(
     listening = listen(host, port)
     shown = host if host not in ("0.0.0.0", "::") else (name or names)[0]
     with listening:
-        warm()
+        compile_kernels(game_kernels(load("paper")))  # they are the same for all rulesets
         typer.echo(f"web page at http://{shown}:{listening.getsockname()[1]}/{fragment}")
         config = uvicorn.Config(
             make_app(settings), log_level="warning", ws=WebSocketsSansIOProtocol, timeout_graceful_shutdown=_GOODBYE_S
