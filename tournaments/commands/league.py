@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from arena.console import AsJson, JsonProgress, print_json, print_table, progress_bar, stdout_to_stderr
+from arena.console import AsJson, JsonProgress, print_json, print_table, progress_bar, say, say_lines, stdout_to_stderr
 from arena.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def write_league(
     from tournaments.league.template import write_template
 
     write_template(file)
-    typer.echo(f"wrote {file}; edit it, then: arena tournament run {file}")
+    say(f"wrote {file}; edit it, then: arena tournament run {file}")
 
 
 @tournament.command("run")
@@ -99,7 +99,7 @@ def run_league(
     if is_for_machines:
         JsonProgress(0).say("end", report=str(page), journals=str(journals))
     else:
-        typer.echo(f"report:   {page}\njournals: {journals}", err=form != "text")
+        say(f"report:   {page}", f"journals: {journals}", err=form != "text")
 
 
 def _play_league(scheduler: "Scheduler", venue: str, title: str, *, is_for_machines: bool) -> None:
@@ -113,7 +113,7 @@ def _play_league(scheduler: "Scheduler", venue: str, title: str, *, is_for_machi
         if is_for_machines:
             lines.say(event, **facts)
         else:
-            typer.echo(text, err=True)
+            say_lines(text, err=True)
 
     if n_done or is_for_machines:
         tell(f"{n_done:,} of {n_matches:,} matches were played before", "begin", league=title, played=n_done, of=n_matches)
@@ -201,7 +201,7 @@ def leaderboard(
         if ratings:
             raise InputError("--ratings is how leagues are rated; a ladder keeps the ratings that its pit gave")
         text = render_ladder(db or str(data_folder(data) / "arena.db"), league, _one_of("--format", form, LADDER_FORMATS))
-        typer.echo(text, nl=False) if out is None else save(out, text)
+        say_lines(text) if out is None else save(out, text)
         return
     _report(league, None, data, db, form, out, ratings)
 
@@ -238,10 +238,10 @@ def _show(report: "Report", form: str, out: Path | None, journals: Path) -> None
 
     if out is not None:
         save(out, render(report, form, out, journals))
-        typer.echo(f"wrote {out}", err=True)
+        say(f"wrote {out}", err=True)
     elif form == "text":
         print_table(*as_table(report.standings.rows))
         for line in summary(report):
-            typer.echo(line)
+            say(line)
     else:
-        typer.echo(render(report, form, Path("report.html"), journals), nl=False)
+        say_lines(render(report, form, Path("report.html"), journals))

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from arena.console import say
 from arena.errors import InputError
 
 _GOODBYE_S = 2
@@ -95,7 +96,7 @@ def web(
     shown = host if host not in ("0.0.0.0", "::") else (name or names)[0]
     with listening:
         warm()
-        typer.echo(f"web page at http://{shown}:{listening.getsockname()[1]}/{fragment}")
+        say(f"web page at http://{shown}:{listening.getsockname()[1]}/{fragment}")
         config = uvicorn.Config(
             make_app(settings), log_level="warning", ws=WebSocketsSansIOProtocol, timeout_graceful_shutdown=_GOODBYE_S
         )

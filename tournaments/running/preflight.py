@@ -73,7 +73,7 @@ def check_entries(
         finally:
             is_over.set()  # whoever interrupts it waits for nobody
     if failures:
-        raise InputError("\n".join(sorted(failures)))
+        raise InputError(*sorted(failures))
 
 
 def _try(spec: str, ruleset: Ruleset, home: Path, limits: Limits, patience_s: float, is_over: Event) -> str:
