@@ -58,6 +58,7 @@ def web(
         import uvicorn
         from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
+        from clients.web.connections import MOST_CONNECTIONS, MOST_MESSAGE_BYTES, ImpatientProtocol
         from clients.web.server import WebSettings, listen, make_app
 
     names = [*LOOPBACK, *(name or ())]
@@ -98,7 +99,13 @@ def web(
         warm()
         say(f"web page at http://{shown}:{listening.getsockname()[1]}/{fragment}")
         config = uvicorn.Config(
-            make_app(settings), log_level="warning", ws=WebSocketsSansIOProtocol, timeout_graceful_shutdown=_GOODBYE_S
+            make_app(settings),
+            log_level="warning",
+            http=ImpatientProtocol,
+            ws=WebSocketsSansIOProtocol,
+            ws_max_size=MOST_MESSAGE_BYTES,
+            limit_concurrency=MOST_CONNECTIONS,
+            timeout_graceful_shutdown=_GOODBYE_S,
         )
         server = uvicorn.Server(config)
         if ends_with_stdin:

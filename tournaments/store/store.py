@@ -185,16 +185,15 @@ class Store:
 
     def _leagues(self, query: Any) -> list[StoredLeague]:
         rows = self._do("read", lambda connection: connection.execute(query).all())
-        return [
-            StoredLeague(
-                id=row.id,
-                name=row.name,
-                hash=row.hash,
-                definition=_rename(json.loads(row.facts), {old: name for name, old in _STORED_NAMES.items()}),
-                n_pairs=row.n_pairs,
-            )
-            for row in rows
-        ]
+        return [self._read(f"of the league {row.name}", _league, row) for row in rows]
+
+    def _read(self, what: str, read: Callable[[Any], T], row: Any) -> T:
+        """Return what a row holds; `StoreError` if somebody else than a store wrote it."""
+        try:
+            return read(row)
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            way_out = "restore the store from a copy, or take the row out"
+            raise StoreError(f"the row {what} in the store {self._where} cannot be read ({error!r}): {way_out}") from error
 
     def add(self, league: StoredLeague, outcome: Outcome) -> bool:
         """Keep a match that ended; False if it was kept before. A void match is no result and is refused."""
@@ -229,7 +228,9 @@ class Store:
         """Return a league's results, sorted by identity: in whatever order they came, they are returned alike."""
         query = select(MATCHES).where(MATCHES.c.league_id == league.id)
         rows = self._do("read", lambda connection: connection.execute(query).all())
-        return sorted((_outcome(row) for row in rows), key=lambda outcome: outcome.identity)  # databases sort by their locale
+        return sorted(
+            (self._read(f"of the match {row.identity}", _outcome, row) for row in rows), key=lambda outcome: outcome.identity
+        )  # databases sort by their locale
 
     def identities(self, league: StoredLeague) -> set[str]:
         """Return what was played."""
@@ -294,6 +295,11 @@ def _rename(definition: Mapping[str, Any], names: Mapping[str, str]) -> dict[str
 def _clean(words: str) -> str:
     """Replace what a text in PostgreSQL cannot hold, and what is no text: a reason may quote a stranger."""
     return words.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode()
+
+
+def _league(row: Any) -> StoredLeague:
+    definition = _rename(json.loads(row.facts), {old: name for name, old in _STORED_NAMES.items()})
+    return StoredLeague(id=row.id, name=row.name, hash=row.hash, definition=definition, n_pairs=row.n_pairs)
 
 
 def _pack(seat: SeatOutcome) -> dict[str, Any]:

@@ -27,10 +27,11 @@ class SandboxedProcess:
     """A running command, its output appended to a log. Our compiled kernels are shared with it, which saves it half a minute."""
 
     def __init__(self, command: Sequence[str], limits: Limits, home: Path, log: IO[bytes]) -> None:
+        from arena.folders import data_folder
         from arena.jit import cache_root  # not in the new process, which is to become another at once
 
         home = home.absolute()  # it starts there, where no relative path is right
-        home.mkdir(parents=True, exist_ok=True, mode=0o700)
+        data_folder(home, 0o700)
         environment = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ARENA_CONFIG"))}
         # `-P` keeps the current folder out of the import path: a bot's neighbours must not pose as our modules.
         self.process = subprocess.Popen(
