@@ -12,7 +12,6 @@ from arena.errors import InputError, UnknownNameError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tournaments.league.league import League
     from tournaments.reports.report import Report
     from tournaments.running.scheduler import Scheduler
 
@@ -92,7 +91,7 @@ def run_league(
             check_entries(chosen.entries, chosen.ruleset, folders.homes(chosen.name), limits)
         with Scheduler(chosen, store, folders) as scheduler:
             _play_league(scheduler, venue, f"{chosen.name} ({venue})", is_for_machines=is_for_machines)
-            report = make_report(scheduler.row, store.outcomes(scheduler.row), scheduler.secret)
+            report = make_report(scheduler.row, store.outcomes(scheduler.row))
     journals, page = folders.journals(chosen.name), folders.reports / f"{chosen.name}.html"
     save(page, render(report, "html", page, journals))
     _show(report, form, out, journals)
@@ -155,7 +154,32 @@ def report_league(
 
     is_file = league.endswith(".toml") or league in LEAGUES
     read = load_league(league) if is_file else None
-    _report(read.name if read else league, read, data, db, "json" if as_json else form, out, ratings)
+    _report(read.name if read else league, data, db, "json" if as_json else form, out, ratings)
+
+
+@tournament.command("close")
+def close_league(league: LeagueName, data: Data = None, db: Db = "") -> None:
+    """Close a league that is over, for good: its reports tell its secret from then on, and it takes no more pairs.
+
+    All maps follow from the secret, so anyone can check those that were played; and could learn those of pairs still to come.
+    """
+    from arena.folders import data_folder
+    from tournaments.league.file import load_league
+    from tournaments.league.secret import recall_secret
+    from tournaments.running.progress import progress_of
+    from tournaments.running.scheduler import Folders
+    from tournaments.store.store import Store
+
+    chosen, folders = load_league(league), Folders(data=data_folder(data))
+    with Store(db or str(folders.data / "arena.db"), make=False) as store, store.lock(chosen.name):
+        row = store.get(chosen.name)
+        if not progress_of(store, row)["complete"]:
+            raise InputError(f"league {row.name} is not over; arena tournament run goes on with it, and then it can be closed")
+        secret = recall_secret(chosen, folders.keys, row.definition["secret"])
+        if secret is None:
+            raise InputError(f"the secret under which league {row.name} was played is neither in its file nor in {folders.keys}")
+        store.close(row, secret)
+    say(f"league {chosen.name} is closed; all its maps and fights follow from the secret {secret.hex()}")
 
 
 @tournament.command("status")
@@ -203,13 +227,12 @@ def leaderboard(
         text = render_ladder(db or str(data_folder(data) / "arena.db"), league, _one_of("--format", form, LADDER_FORMATS))
         say_lines(text) if out is None else save(out, text)
         return
-    _report(league, None, data, db, form, out, ratings)
+    _report(league, data, db, form, out, ratings)
 
 
-def _report(name: str, league: "League | None", data: Path | None, db: str, form: str, out: Path | None, ratings: str) -> None:
+def _report(name: str, data: Path | None, db: str, form: str, out: Path | None, ratings: str) -> None:
     """Print the report of a stored league; the last one that was run if it has no name."""
     from arena.folders import data_folder
-    from tournaments.league.secret import recall_secret
     from tournaments.ratings.methods import DEFAULT
     from tournaments.reports.report import make_report
     from tournaments.running.scheduler import Folders
@@ -220,8 +243,7 @@ def _report(name: str, league: "League | None", data: Path | None, db: str, form
     with Store(db or str(folders.data / "arena.db"), make=False) as store:
         row = store.get(name) if name else store.latest()
         outcomes = store.outcomes(row)
-    secret = None if league is None else recall_secret(league, folders.keys, row.definition["secret"])
-    report = make_report(row, outcomes, secret, rating_method=ratings or DEFAULT)
+    report = make_report(row, outcomes, rating_method=ratings or DEFAULT)
     _show(report, form, out, folders.journals(row.name))
 
 

@@ -11,12 +11,12 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import RLock
 from typing import Any, Self, TypeVar
 
-from sqlalchemy import Connection, Engine, func, select, text
+from sqlalchemy import Connection, Engine, func, select, text, update
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DatabaseError
 
@@ -35,6 +35,8 @@ PATIENCE_S = 30.0
 """How long a server may be away in the middle of a league."""
 _STORED_NAMES = {"challenger": "hero"}
 """Keys of a definition that rows hold under another name: a league's hash, too, is of these."""
+_REVEALED = "revealed"
+"""Where the row of a closed league holds its secret, beside its definition."""
 T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
@@ -49,6 +51,8 @@ class StoredLeague:
     definition: Mapping[str, Any]
     """`League.definition`, and under `secret` what binds it to its secret."""
     n_pairs: int
+    secret: bytes | None = None
+    """None until the league is closed for good: who knows it knows the maps of pairs that could still be added."""
 
 
 class Store:
@@ -140,7 +144,8 @@ class Store:
         Raises
         ------
         StoreError
-            It has results that were played under another definition, or more pairs; the sentence names the edit.
+            It has results that were played under another definition, or more pairs; the sentence names the edit. Or it is closed,
+            and was given more pairs.
         """
         before = self.find(name)
         if before is not None and self.count(before) > 0:
@@ -149,8 +154,10 @@ class Store:
                 edit = f"pairs were lowered (were {before.n_pairs}, are {n_pairs})"
             if edit is not None:
                 raise StoreError(f"league {name} has results, and {edit}: undo that, or give the league another name")
+            if before.secret is not None and n_pairs > before.n_pairs:
+                raise StoreError(f"league {name} is closed: whoever knows its secret knows the maps of more pairs; name another")
         stored = _rename(definition, _STORED_NAMES)
-        facts = json.dumps(stored, sort_keys=True)
+        facts = _pack_facts(stored, None if before is None else before.secret)
         values = {"hash": hash_definition(stored), "facts": facts, "n_pairs": n_pairs, "run_at": time.time()}
         row = self._insert(LEAGUES).values(name=name, **values).on_conflict_do_update(index_elements=["name"], set_=values)
         self._do("write to", lambda connection: connection.execute(row), name)
@@ -158,6 +165,13 @@ class Store:
         if found is None:
             raise StoreError(f"league {name} was taken out of the store while it began")
         return found
+
+    def close(self, league: StoredLeague, secret: bytes) -> StoredLeague:
+        """Close a league whose lock is held, for good: its secret may be known from now on, and no pairs are added to it."""
+        facts = _pack_facts(_rename(league.definition, _STORED_NAMES), secret)
+        row = update(LEAGUES).where(LEAGUES.c.id == league.id).values(facts=facts)
+        self._do("write to", lambda connection: connection.execute(row), league.name)
+        return replace(league, secret=secret)
 
     def find(self, name: str) -> StoredLeague | None:
         """Return a league by its name."""
@@ -299,7 +313,13 @@ def _clean(words: str) -> str:
 
 def _league(row: Any) -> StoredLeague:
     definition = _rename(json.loads(row.facts), {old: name for name, old in _STORED_NAMES.items()})
-    return StoredLeague(id=row.id, name=row.name, hash=row.hash, definition=definition, n_pairs=row.n_pairs)
+    revealed = definition.pop(_REVEALED, None)
+    secret = None if revealed is None else bytes.fromhex(revealed)
+    return StoredLeague(id=row.id, name=row.name, hash=row.hash, definition=definition, n_pairs=row.n_pairs, secret=secret)
+
+
+def _pack_facts(stored: Mapping[str, Any], secret: bytes | None) -> str:
+    return json.dumps({**stored, **({} if secret is None else {_REVEALED: secret.hex()})}, sort_keys=True)
 
 
 def _pack(seat: SeatOutcome) -> dict[str, Any]:
