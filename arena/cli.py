@@ -7,7 +7,8 @@ may rely on this:
 - its module imports no more than `typer` and `arena.console` when it is imported; heavy imports stand inside the function, so
   that `arena --help` stays quick;
 - an `ArenaError` that it raises ends the command: one sentence on stderr, and the error's own exit code;
-- tables go out by `arena.console.print_table`, and with `--json` the same values by `print_json`.
+- tables go out by `arena.console.print_table`, and with `--json` the same values by `print_json`; lines go out by `say`.
+  All three clean what they print, so that no text of a stranger's reaches the terminal raw.
 """
 
 import logging
@@ -20,7 +21,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
-from arena.console import AsJson, complete_ruleset, print_json, print_table
+from arena.console import AsJson, LineFormatter, complete_ruleset, print_json, print_table, say, say_lines
 from arena.errors import ArenaError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -65,7 +66,8 @@ def run(app: typer.Typer) -> None:
     try:
         app(prog_name="arena")
     except ArenaError as error:
-        typer.echo(f"arena: {error}", err=True)
+        first, *others = map(str, error.args)
+        say(f"arena: {first}", *others, err=True)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         sys.exit(130)
@@ -106,7 +108,7 @@ def _broken(point: EntryPoint, error: Exception) -> Callable[..., None]:
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"arena {version('arena-pit')}")
+        say(f"arena {version('arena-pit')}")
         raise typer.Exit
 
 
@@ -118,7 +120,9 @@ def arena(
 ) -> None:
     """Let algorithms play Capture-the-Flag in the fog."""
     level = (logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)]
-    logging.basicConfig(level=level, format="%(asctime)s %(levelname)s %(name)s: %(message)s", stream=sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(LineFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(level=level, handlers=[handler])
 
 
 def rules(
@@ -140,7 +144,7 @@ def rules(
     if as_json:
         print_json(facts[0] if ruleset else facts)
     elif ruleset:
-        typer.echo(_toml(facts[0]), nl=False)
+        say_lines(_toml(facts[0]))
     else:
         print_table(("name", "side", "blue", "red", "ticks", "fog", "combat", "about"), map(_row, facts))
 

@@ -1,13 +1,14 @@
 """What commands say, and how: tables, JSON, progress."""
 
 import json
+import logging
 import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -27,9 +28,44 @@ def complete_ruleset(incomplete: str) -> list[str]:
     return [name for name in RULESETS if name.startswith(incomplete)]
 
 
+def clean(text: str) -> str:
+    """Return a text, of whose making ever, as one line that a terminal shows and does not obey.
+
+    What cannot be seen (control characters, line breaks, marks that turn the direction of writing) is written as Python does.
+    """
+    return text if text.isprintable() else "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def say(*lines: str, err: bool = False) -> None:
+    """Print lines, cleaned: a line break within one is shown, and begins no other line."""
+    typer.echo("\n".join(map(clean, lines)), err=err)
+
+
+def say_lines(text: str, *, err: bool = False) -> None:
+    """Print a text of several lines, each cleaned."""
+    say(*text.removesuffix("\n").split("\n"), err=err)
+
+
+class LineFormatter(logging.Formatter):
+    """Formats log records with clean messages: what a stranger sent may stand in them."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:
+        record.message = clean(record.message)
+        return super().formatMessage(record)
+
+    def formatException(self, ei: Any) -> str:
+        return "\n".join(map(clean, super().formatException(ei).split("\n")))
+
+
+def to_json(value: object, *, indent: int | None = 2) -> str:
+    """Return a JSON document in which what a terminal would obey is escaped, and all else is as it reads best."""
+    text = json.dumps(value, indent=indent, ensure_ascii=False)
+    return text if text.isprintable() else "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
+
+
 def print_json(value: object) -> None:
     """Print one JSON document."""
-    typer.echo(json.dumps(value, indent=2, ensure_ascii=False))
+    typer.echo(to_json(value))
 
 
 def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
@@ -63,7 +99,7 @@ def _table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> "Table":
         numbers = all(isinstance(row[index], int | float) and not isinstance(row[index], bool) for row in values)
         table.add_column(column, justify="right" if numbers else "left", overflow="fold")
     for row in values:
-        table.add_row(*(Text(_format(value)) for value in row))
+        table.add_row(*(Text(clean(_format(value))) for value in row))
     return table
 
 
@@ -143,7 +179,7 @@ class JsonProgress:
 
     def say(self, event: str, **facts: object) -> None:
         """Say something that is no step further."""
-        typer.echo(json.dumps({"event": event, **facts}, ensure_ascii=False), err=True)
+        typer.echo(to_json({"event": event, **facts}, indent=None), err=True)
 
     def advance(self, event: str, **facts: object) -> None:
         """Count one further, and say so; rate and time left are null while nothing can be said."""
@@ -187,7 +223,7 @@ class _Lines:
             return
         self._said_s = now_s
         pace = f", {per_s:,.1f} per s, {(self._total - self._done) / per_s:,.0f} s left" if per_s else ""
-        typer.echo(f"{self._what}: {self._done:,} of {self._total:,} {self._each}{pace}", err=True)
+        say(f"{self._what}: {self._done:,} of {self._total:,} {self._each}{pace}", err=True)
 
 
 @contextmanager

@@ -21,9 +21,12 @@ from difflib import get_close_matches
 
 
 class ArenaError(Exception):
-    """Base of every error that a user may see; its text is one clear sentence."""
+    """Base of every error that a user may see: one clear sentence, or one for each argument, to be printed a line each."""
 
     exit_code = 1
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.args))
 
 
 class InputError(ArenaError):

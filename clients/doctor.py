@@ -68,7 +68,7 @@ def _check_pit(pit: str, authority: Path | None) -> Finding:
             lobby = ask_lobby(session, address, pit_key)
     except ArenaError as error:
         return f"pit {pit}", False, str(error)
-    leader = f", {lobby.standings[0]['name']} leads its ladder" if lobby.standings else ""
+    leader = f", {lobby.standings[0].get('name')} leads its ladder" if lobby.standings else ""
     return (
         f"pit {address}",
         True,

@@ -165,7 +165,7 @@ def watch(
 def _check_running(session: Session, address: Address, pit_key: bytes, match: str) -> Lobby:
     """Return the lobby; `LostPitError` if the match does not run."""
     lobby = ask_lobby(session, address, pit_key)
-    if match and all(one["match"] != match for one in lobby.running):
+    if match and all(one.get("match") != match for one in lobby.running):
         raise LostPitError(f"match {match} does not run in {address.pit}; `arena watch` without --match waits for the next")
     return lobby
 

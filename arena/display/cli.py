@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arena.console import AsJson, print_json, print_table
+from arena.console import AsJson, print_json, print_table, say
 from arena.errors import InputError
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def _print_checks(checks: list[dict[str, Any]], broken: list[dict[str, Any]]) ->
     if n_journals:
         rows = [(who, n, f"{known} {key}") for (who, known, key), n in sorted(n_journals.items())]
         print_table(("who", "journals", "key"), rows[::-1])
-    typer.echo(f"{len(checks) - len(broken)} of {len(checks)} journals hold")
+    say(f"{len(checks) - len(broken)} of {len(checks)} journals hold")
 
 
 def _check(path: Path, transcript: Path | None, signers: "Signers", *, is_local: bool) -> dict[str, Any]:
@@ -228,4 +228,4 @@ def export_match(
                 images.append(draw(frame, cell))
                 advance(1)
         save_gif(images, target, speed)
-    typer.echo(f"{target}: {'1 tick' if as_png else f'{last + 1} ticks'}, {target.stat().st_size / 1000:,.0f} kB")
+    say(f"{target}: {'1 tick' if as_png else f'{last + 1} ticks'}, {target.stat().st_size / 1000:,.0f} kB")

@@ -9,6 +9,7 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 from rich.text import Text
 
+from arena.console import clean
 from arena.display.text import GroundMemory, draw_row, format_last_tick, format_losses, format_orders, is_live
 from arena.errors import InputError
 from arena.game.engine import BatchedGame
@@ -26,7 +27,7 @@ def show_journal(console: Console, file: Path, team: str, tick: int | None, spee
     frames = (_frame(journal, games, Team[team.upper()], console.width, height) for games in replay(journal))
     _play(console, frames, len(journal.ticks), tick, speed)
     if journal.ending is not None and tick is None:
-        console.print(Text(_plain(journal.ending.describe())))
+        console.print(Text(clean(journal.ending.describe())))
 
 
 def show_transcript(console: Console, file: Path, tick: int | None, speed: float) -> None:
@@ -37,16 +38,17 @@ def show_transcript(console: Console, file: Path, tick: int | None, speed: float
 
     def draw(number: int) -> RenderableType:
         now = seen[number]
+        seat = f"pit {header.pit}, match {header.match}: {header.name} plays {header.team.name.lower()} against {header.opponent}"
         title = (
-            f"pit {header.pit}, match {header.match}: {header.name} plays {header.team.name.lower()} against {header.opponent}\n"
+            f"{clean(seat)}\n"
             f"tick {number} of {header.ruleset.tick_limit}   score {now.score:+d}   units {now.living[0]}:{now.living[1]}"
             f"{'' if now.clock_s is None else f'   bank {now.clock_s:.1f} s'}"
         )
         orders = f"orders: {format_orders(now, transcript.ticks[number][1])}"
         if is_live(console):  # a line each, beside boards that fill the height of a small screen
             aside, height = orders.replace(", ", "\n").replace(": ", "\n"), console.height if tick is None else None
-            return memory.draw_pair(_plain(title), now, console.width, aside, height=height)
-        return memory.draw_pair(_plain(f"{title}\n{orders}"), now, console.width)
+            return memory.draw_pair(title, now, console.width, aside, height=height)
+        return memory.draw_pair(f"{title}\n{orders}", now, console.width)
 
     _play(console, map(draw, range(len(seen))), len(seen) - 1, tick, speed)
     if tick is not None:
@@ -60,12 +62,7 @@ def show_transcript(console: Console, file: Path, tick: int | None, speed: float
         result = transcript.ending
         lines += [format_last_tick(seen, result), result.describe(header.team)]
     for line in lines:
-        console.print(Text(_plain(line)))
-
-
-def _plain(text: str) -> str:
-    """Return text of a stranger's making as a terminal may have it."""
-    return "".join(c if c.isprintable() or c == "\n" else "?" for c in text)
+        console.print(Text(clean(line)))
 
 
 def _play(console: Console, frames: Iterator[RenderableType], last: int, tick: int | None, speed: float) -> None:
@@ -93,4 +90,4 @@ def _frame(journal: Journal, games: BatchedGame, team: Team, width: int, height:
         f"score {field[StateField.SCORE]:+d}   units {field[StateField.BLUE_LIVING]}:{field[StateField.RED_LIVING]}"
     )
     boards = [(f"what {team.name.lower()} sees", games.grids()[team, 0]), ("the truth", games.truth(0))]
-    return draw_row(_plain(title), boards, width, height=height)
+    return draw_row(clean(title), boards, width, height=height)

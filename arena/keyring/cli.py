@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arena.console import AsJson, print_json, print_table
+from arena.console import AsJson, print_json, print_table, say
 from arena.errors import ArenaError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def show_keys(name: Name = "", as_json: AsJson = False) -> None:
         return
     for index, one in enumerate(facts):
         if index:
-            typer.echo()
+            say("")
         _print_facts(one)
 
 
@@ -79,7 +79,7 @@ def forget_pit(
 
     where = pit.removeprefix("arena://").partition("#")[0]
     forget(where)
-    typer.echo(f"forgot the pit at {where}; the key that it has next time is trusted")
+    say(f"forgot the pit at {where}; the key that it has next time is trusted")
 
 
 def _load(name: str) -> dict[str, Any]:
@@ -97,7 +97,7 @@ def _all_facts() -> list[dict[str, Any]]:
 
     entries = list_entries()
     if not entries:
-        typer.echo("no entry has a key yet; to make one: arena keys new NAME", err=True)
+        say("no entry has a key yet; to make one: arena keys new NAME", err=True)
     return [_facts(name, key) for name, key in entries]
 
 
@@ -112,4 +112,4 @@ def _facts(name: str, key: "Identity | str") -> dict[str, Any]:
 def _print_facts(facts: dict[str, Any]) -> None:
     for what, value in facts.items():
         if value is not None:
-            typer.echo(f"{what.replace('_', ' ')}: {value}")
+            say(f"{what.replace('_', ' ')}: {value}")

@@ -10,6 +10,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from arena.errors import InputError
+from arena.folders import data_folder
 from arena.game.engine import warm
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
 from arena.game.ruleset import Ruleset
@@ -168,10 +169,12 @@ def _next_number(journals: Path, pit: str, counted: Collection[str], *, is_rated
 @contextmanager
 def _alone_in(folder: Path) -> Iterator[None]:
     """Keep other pits off a folder of journals: two would resume the same matches."""
-    folder.mkdir(parents=True, exist_ok=True)
+    data_folder(folder)
     try:
         lock = FileLock(folder / ".lock", blocking=False).acquire()
     except Timeout:
         raise InputError(f"another pit keeps its journals in {folder}; choose another folder with --data") from None
+    except OSError as error:
+        raise InputError(f"cannot keep journals in {folder}: {error.strerror}; choose another folder with --data") from error
     with lock:
         yield

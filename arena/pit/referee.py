@@ -11,6 +11,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from arena.errors import UnreadableError
+from arena.folders import data_folder
 from arena.game.ruleset import Ruleset
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
@@ -97,7 +98,7 @@ class Referee:
             SaveRegister: lambda effect: self._register.save(),
             MatchEnded: on_end,
         }
-        journals.mkdir(parents=True, exist_ok=True)
+        data_folder(journals)
         self._spare_journals = SpareJournals(journals, fsync=fsync)
         self._refill_journals()
         pit = context.pit

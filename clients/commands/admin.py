@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from arena.console import say
 from clients.commands.connecting import Authority
 
 admin = typer.Typer(no_args_is_help=True, help="Tell a running pit what to do, with the key in its data folder.")
@@ -58,4 +59,4 @@ def _send(command: str, target: str, pit: str, data: Path | None, authority: Pat
 
     address = parse_address(pit) if pit else Address()
     key = load(data_folder(data) / "keys" / "pit.key")
-    typer.echo(send_command(address, authority, key, command, target))
+    say(send_command(address, authority, key, command, target))

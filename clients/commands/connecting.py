@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from arena.console import say
+
 if TYPE_CHECKING:
     from arena.network.address import Address
 
@@ -23,4 +25,4 @@ def trust(where: "Address", pit_key: bytes, show: Callable[[str], None] | None =
     place = f"{where.endpoint.partition('/')[2]}/{where.pit}"
     if check_pit(place, pit_key, from_text(where.fingerprint) if where.fingerprint else None):
         note = f"this pit is new here; from now on {place} must show the key {to_text(pit_key)}"
-        (partial(typer.echo, err=True) if show is None else show)(note)
+        (partial(say, err=True) if show is None else show)(note)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from arena.console import say, say_lines
 from arena.errors import InputError
 from clients.commands.connecting import Authority, trust
 from policies.cli import complete_policy
@@ -111,7 +112,7 @@ def join(
     def on_wait(reason: str) -> None:
         if reason not in printed:
             printed.add(reason)
-            typer.echo(f"{settings.name} waits {reason}", err=True)
+            say(f"{settings.name} waits {reason}", err=True)
 
     runner = Runner(settings, on_seat=_print_seat, on_end=_print_result, on_wait=on_wait)
     signal.signal(signal.SIGTERM, lambda *_: runner.stop())
@@ -128,7 +129,7 @@ def join(
 
 def _note(file: Path | None, limit: str) -> None:
     """Say that the policy met a limit, and leave word for whoever started this client."""
-    typer.echo(f"the policy met its limit of {limit}", err=True)
+    say(f"the policy met its limit of {limit}", err=True)
     if file is not None:
         with file.open("a", encoding="utf-8") as notes:
             notes.write(f"{limit}\n")
@@ -176,7 +177,7 @@ def _play_as_human(mailbox: "TurnMailbox", settings: "ClientSettings", notes: li
     finally:
         screen.close()
     for note in notes:
-        typer.echo(note, err=True)
+        say(note, err=True)
     for seat in over:
         _print_result(seat)
     for seat, verdict in audited:
@@ -184,24 +185,25 @@ def _play_as_human(mailbox: "TurnMailbox", settings: "ClientSettings", notes: li
     if screen.failure is not None:
         raise screen.failure
     if mailbox.is_playing:
-        typer.echo(f"match {mailbox.match}: left before its end; it is lost unless {settings.name} soon comes back", err=True)
+        say(f"match {mailbox.match}: left before its end; it is lost unless {settings.name} soon comes back", err=True)
 
 
 def _print_seat(seat: "Seat") -> None:
     team, opponent = seat.team.name.lower(), seat.ticket.opponent
-    typer.echo(f"match {seat.ticket.match}: {team} against {opponent}, rules {seat.ruleset.name}", err=True)
+    say(f"match {seat.ticket.match}: {team} against {opponent}, rules {seat.ruleset.name}", err=True)
 
 
 def _print_result(seat: "Seat") -> None:
     counted = (seat.ended.faults if seat.ended else {}).get(seat.team.name.lower(), {})
     faults = ", ".join(f"{n} {what}" for what, n in counted.items() if n)
     how = seat.result().describe(seat.team)
-    typer.echo(f"match {seat.ticket.match}: {how}{f'; counted: {faults}' if faults else ''}")
+    say(f"match {seat.ticket.match}: {how}{f'; counted: {faults}' if faults else ''}")
     first = seat.faults().first_traceback
     if first:
-        typer.echo(f"the policy first failed like this:\n{first}", err=True)
+        say("the policy first failed like this:", err=True)
+        say_lines(first, err=True)
 
 
 def _print_verdict(seat: "Seat", verdict: "Verdict") -> None:
     holds, finding = verdict
-    typer.echo(f"match {seat.ticket.match}: {'warning: ' if holds is False else ''}{finding}", err=True)
+    say(f"match {seat.ticket.match}: {'warning: ' if holds is False else ''}{finding}", err=True)

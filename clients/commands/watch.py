@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from arena.console import clean, say, say_lines
 from clients.commands.connecting import Authority, trust
 
 if TYPE_CHECKING:
@@ -45,10 +46,10 @@ def watch(
                 if is_live(console):
                     live.update(drawn, refresh=True)
                 else:
-                    typer.echo(_plain(drawn), nl=False)
+                    say_lines(_plain(drawn))
             last = frame
     if last is not None and last.ended is not None:
-        typer.echo(read_result(last.ended).describe())
+        say(read_result(last.ended).describe())
 
 
 def _draw(match: str, names: tuple[str, str], frame: "Frame", width: int, height: int | None) -> "RenderableType":
@@ -63,9 +64,9 @@ def _draw(match: str, names: tuple[str, str], frame: "Frame", width: int, height
         f"units {blue}:{red}"
     )
     if frame.truth is None or frame.seen is None:
-        return Text(title)
+        return Text(clean(title))
     boards = [("what blue sees", frame.seen[0]), ("the truth", frame.truth), ("what red sees", frame.seen[1])]
-    return draw_row(title, boards, width, height=height)
+    return draw_row(clean(title), boards, width, height=height)
 
 
 def _plain(drawn: "RenderableType") -> str:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.console import clean
 from arena.game.observation import Observation, Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team
@@ -59,13 +60,13 @@ class TurnMailbox:
 
     def on_wait(self, reason: str) -> None:
         """Take what the client waits for: a runner's `on_wait`."""
-        self.waiting_for = reason
+        self.waiting_for = clean(reason)
         self.on_change()
 
     def on_seat(self, seat: Seat) -> None:
         """Take which match begins: a runner's `on_seat`."""
         with self.lock:
-            self.opponent, self.match = seat.ticket.opponent, seat.ticket.match
+            self.opponent, self.match = clean(seat.ticket.opponent), seat.ticket.match
             self.waiting_for = ""
             self._turn_time_s = seat.ticket.turn_time_s
         self.on_change()

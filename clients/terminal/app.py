@@ -209,7 +209,7 @@ class PitApp(App[None]):
         """Show what is in the mailbox."""
         view, mailbox = self._mailbox.view_model(), self._mailbox
         self._draw_turn()
-        self._news_line.update(f"waiting {mailbox.waiting_for}" if mailbox.waiting_for else self._news)
+        self._news_line.update(Text(f"waiting {mailbox.waiting_for}" if mailbox.waiting_for else self._news))
         if view is None:
             return
         side = len(view.grid)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
+from arena.console import clean
 from arena.display.text import format_last_tick
 from arena.game.observation import Observation
 from arena.game.types import Action, Team
@@ -80,6 +81,6 @@ def _format_attack(unit: UnitView) -> str:
 
 def format_ending(team: Team, result: MatchResult, seen: Sequence[Observation]) -> Text:
     """Return how the match ended, and why."""
-    text = Text(result.describe(team).capitalize() + "\n\n", "bold")
-    text.append(format_last_tick(seen, result).capitalize() + ".\n")
+    text = Text(clean(result.describe(team).capitalize()) + "\n\n", "bold")
+    text.append(clean(format_last_tick(seen, result).capitalize()) + ".\n")
     return text

@@ -5,6 +5,7 @@ other status into its console.
 """
 
 import asyncio
+import json
 import logging
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -134,8 +135,8 @@ class Handlers:
         match = socket.path_params["match"]
         with suppress(WebSocketDisconnect, TimeoutError):
             try:
-                key = read_key(await asyncio.wait_for(socket.receive_json(), _FIRST_WORD_S))
-                if not await self._pit.runs(match):
+                key = read_key(await asyncio.wait_for(_receive(socket), _FIRST_WORD_S))
+                if not is_chunk(match) or not await self._pit.runs(match):
                     await socket.send_json({"kind": "absent"})
                     await socket.close()
                     return
@@ -155,7 +156,7 @@ class Handlers:
         await socket.accept()
         with suppress(WebSocketDisconnect, TimeoutError):
             try:
-                player = self._sit_down(await asyncio.wait_for(socket.receive_json(), _FIRST_WORD_S))
+                player = self._sit_down(await asyncio.wait_for(_receive(socket), _FIRST_WORD_S))
             except ArenaError as error:
                 await socket.send_json({"kind": "refused", "sentence": str(error)})
                 await socket.close()
@@ -202,11 +203,22 @@ class Handlers:
                 leaving.cancel()
 
 
+async def _receive(socket: WebSocket) -> Any:
+    """Return what a page says; None for what is no JSON."""
+    message = await socket.receive()
+    if message["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(message["code"])
+    try:
+        return json.loads(message.get("text") or "")
+    except (ValueError, RecursionError):
+        return None
+
+
 async def _hear(socket: WebSocket, player: BrowserSeat) -> None:
     """Carry out what a person says, until the page goes away or the person leaves."""
     with suppress(WebSocketDisconnect):
         while True:
-            word = await socket.receive_json()
+            word = await _receive(socket)
             try:
                 if isinstance(word, dict) and word.get("do") == "leave":
                     player.leave()
@@ -222,7 +234,7 @@ async def _wait_for_end(socket: WebSocket) -> None:
     """Return when the page goes away; what it says until then is of no interest."""
     with suppress(WebSocketDisconnect):
         while True:
-            await socket.receive_text()
+            await _receive(socket)
 
 
 def read_key(message: Any) -> bytes | None:

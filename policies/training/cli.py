@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from arena.console import AsJson, complete_ruleset, print_json, print_table
+from arena.console import AsJson, complete_ruleset, print_json, print_table, say
 from arena.errors import InputError
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def start_or_go_on(
             break
     else:
         if processes.is_first and curriculum:
-            typer.echo(f"the curriculum has ended: {', '.join(str(folder / LAST) for folder in folders.values())}")
+            say(f"the curriculum has ended: {', '.join(str(folder / LAST) for folder in folders.values())}")
     leave_processes()
 
 
@@ -127,9 +127,9 @@ def _train(config: "RunConfig", out: Path, processes: "Processes", device: str) 
             folder.create(config.to_dict())
         is_done = run.train(lambda: bool(stops))
     if processes.is_first:
-        typer.echo(f"trained: {out / LAST}")
+        say(f"trained: {out / LAST}")
         if not is_done:
-            typer.echo("stopped early; the same command with --resume goes on")
+            say("stopped early; the same command with --resume goes on")
     return is_done
 
 
@@ -163,7 +163,7 @@ def _reporting(what: str, is_first: bool) -> Iterator[Callable[[float, str], Non
         def report(progress: float, text: str) -> None:
             if time.monotonic() - reported_s[0] >= _LINE_EVERY_S or progress >= 1:
                 reported_s[0] = time.monotonic()
-                typer.echo(f"{what}: {100 * progress:.0f}%, {text}", err=True)
+                say(f"{what}: {100 * progress:.0f}%, {text}", err=True)
 
         yield report
         return

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from threading import Lock, Thread
 from typing import Any
 
+from arena.console import clean
 from arena.errors import UnreadableError
 from arena.policy import Faults
 from arena.sandbox.limits import Limits
@@ -48,7 +49,7 @@ class OutputLog:
             before = self._n_left
             self._n_left -= len(data)
         if before > 0:
-            sys.stderr.write(data[:before].decode("utf-8", "replace"))
+            sys.stderr.write("\n".join(map(clean, data[:before].decode("utf-8", "replace").split("\n"))))
             sys.stderr.flush()
         return before < 0 or len(data) <= before
 

@@ -26,6 +26,13 @@ def test_only_a_cli_prints_logs_to_somewhere_or_chooses_an_exit_code(path: Path)
 
 
 @pytest.mark.parametrize("path", [path for path in SOURCES if is_command(path)], ids=name_of)
+def test_what_a_cli_prints_is_cleaned_in_one_place(path: Path) -> None:
+    calls = {ast.unparse(node.func) for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)}
+
+    assert not calls & {"print", "typer.echo", "typer.secho", "click.echo", "sys.stdout.write", "sys.stderr.write"}
+
+
+@pytest.mark.parametrize("path", [path for path in SOURCES if is_command(path)], ids=name_of)
 def test_a_cli_imports_only_light_modules_at_its_top(path: Path) -> None:
     tree = ast.parse(path.read_text())
     imported = {node.module for node in tree.body if isinstance(node, ast.ImportFrom)}

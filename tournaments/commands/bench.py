@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import typer
 
 from arena.cli import plug_ins
-from arena.console import AsJson, print_json, print_table
+from arena.console import AsJson, print_json, print_table, say
 from arena.errors import InputError, UnknownNameError
 
 Progress = Callable[[str], None]
@@ -97,7 +97,7 @@ def bench(
 def _progress(name: str) -> Iterator[Progress]:
     """Show what is being done: one changing line on a terminal, plain lines elsewhere; on stderr."""
     if not sys.stderr.isatty():
-        yield lambda text: typer.echo(f"{name}: {text}", err=True)
+        yield lambda text: say(f"{name}: {text}", err=True)
         return
     from rich.console import Console
 

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from arena.console import AsJson, complete_ruleset, print_json, print_table, progress_bar, stdout_to_stderr
+from arena.console import AsJson, complete_ruleset, print_json, print_table, progress_bar, say, stdout_to_stderr
 from arena.errors import InputError
 from policies.cli import complete_policy
 
@@ -61,7 +61,7 @@ def evaluate(
             return
         row = (f"{alone.captures / alone.matches:.3f}", f"{alone.ticks:.1f}", f"{alone.shortest:.1f}", f"{alone.detour:.2f}")
         print_table(("captures", "ticks", "shortest way", "ticks / shortest"), [row])
-        typer.echo(f"{pairs} matches alone, rules {ruleset.name}, seed {seed}")
+        say(f"{pairs} matches alone, rules {ruleset.name}, seed {seed}")
         return
     with stdout_to_stderr(), progress_bar(2 * pairs * len(opponents), checkpoint) as advance:
         found = dict(play_all(ruleset, checkpoint, opponents, pairs=pairs, seed=seed, advance=advance, workers=workers))
@@ -79,4 +79,4 @@ def evaluate(
             for name, one in found.items()
         ],
     )  # fmt: skip
-    typer.echo(f"{pairs} pairs each, rules {ruleset.name}, seed {seed}")
+    say(f"{pairs} pairs each, rules {ruleset.name}, seed {seed}")

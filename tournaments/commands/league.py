@@ -6,13 +6,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from arena.console import AsJson, JsonProgress, compiling_bar, print_json, print_table, progress_bar, stdout_to_stderr
+from arena.console import (
+    AsJson,
+    JsonProgress,
+    compiling_bar,
+    print_json,
+    print_table,
+    progress_bar,
+    say,
+    say_lines,
+    stdout_to_stderr,
+)
 from arena.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from tournaments.league.league import League
     from tournaments.reports.report import Report
     from tournaments.running.scheduler import Scheduler
 
@@ -48,7 +57,7 @@ def write_league(
     from tournaments.league.template import write_template
 
     write_template(file)
-    typer.echo(f"wrote {file}; edit it, then: arena tournament run {file}")
+    say(f"wrote {file}; edit it, then: arena tournament run {file}")
 
 
 @tournament.command("run")
@@ -98,16 +107,16 @@ def run_league(
         why = explain_slots(slots, think_s) if chosen.slots is None and venue == "network" else ""
         with Scheduler(chosen, store, folders) as scheduler:
             if why and not is_for_machines:
-                typer.echo(why, err=True)
+                say(why, err=True)
             _play_league(scheduler, venue, f"{chosen.name} ({venue})", slots, is_for_machines=is_for_machines)
-            report = make_report(scheduler.row, store.outcomes(scheduler.row), scheduler.secret)
+            report = make_report(scheduler.row, store.outcomes(scheduler.row))
     journals, page = folders.journals(chosen.name), folders.reports / f"{chosen.name}.html"
     save(page, render(report, "html", page, journals))
     _show(report, form, out, journals)
     if is_for_machines:
         JsonProgress(0).say("end", report=str(page), journals=str(journals))
     else:
-        typer.echo(f"report:   {page}\njournals: {journals}", err=form != "text")
+        say(f"report:   {page}", f"journals: {journals}", err=form != "text")
 
 
 @contextmanager
@@ -128,7 +137,7 @@ def _play_league(scheduler: "Scheduler", venue: str, title: str, slots: int, *, 
         if is_for_machines:
             lines.say(event, **facts)
         else:
-            typer.echo(text, err=True)
+            say_lines(text, err=True)
 
     if n_done or is_for_machines:
         tell(f"{n_done:,} of {n_matches:,} matches were played before", "begin", league=title, played=n_done, of=n_matches)
@@ -170,7 +179,32 @@ def report_league(
 
     is_file = league.endswith(".toml") or league in LEAGUES
     read = load_league(league) if is_file else None
-    _report(read.name if read else league, read, data, db, "json" if as_json else form, out, ratings)
+    _report(read.name if read else league, data, db, "json" if as_json else form, out, ratings)
+
+
+@tournament.command("close")
+def close_league(league: LeagueName, data: Data = None, db: Db = "") -> None:
+    """Close a league that is over, for good: its reports tell its secret from then on, and it takes no more pairs.
+
+    All maps follow from the secret, so anyone can check those that were played; and could learn those of pairs still to come.
+    """
+    from arena.folders import data_folder
+    from tournaments.league.file import load_league
+    from tournaments.league.secret import recall_secret
+    from tournaments.running.progress import progress_of
+    from tournaments.running.scheduler import Folders
+    from tournaments.store.store import Store
+
+    chosen, folders = load_league(league), Folders(data=data_folder(data))
+    with Store(db or str(folders.data / "arena.db"), make=False) as store, store.lock(chosen.name):
+        row = store.get(chosen.name)
+        if not progress_of(store, row)["complete"]:
+            raise InputError(f"league {row.name} is not over; arena tournament run goes on with it, and then it can be closed")
+        secret = recall_secret(chosen, folders.keys, row.definition["secret"])
+        if secret is None:
+            raise InputError(f"the secret under which league {row.name} was played is neither in its file nor in {folders.keys}")
+        store.close(row, secret)
+    say(f"league {chosen.name} is closed; all its maps and fights follow from the secret {secret.hex()}")
 
 
 @tournament.command("status")
@@ -216,15 +250,14 @@ def leaderboard(
         if ratings:
             raise InputError("--ratings is how leagues are rated; a ladder keeps the ratings that its pit gave")
         text = render_ladder(db or str(data_folder(data) / "arena.db"), league, _one_of("--format", form, LADDER_FORMATS))
-        typer.echo(text, nl=False) if out is None else save(out, text)
+        say_lines(text) if out is None else save(out, text)
         return
-    _report(league, None, data, db, form, out, ratings)
+    _report(league, data, db, form, out, ratings)
 
 
-def _report(name: str, league: "League | None", data: Path | None, db: str, form: str, out: Path | None, ratings: str) -> None:
+def _report(name: str, data: Path | None, db: str, form: str, out: Path | None, ratings: str) -> None:
     """Print the report of a stored league; the last one that was run if it has no name."""
     from arena.folders import data_folder
-    from tournaments.league.secret import recall_secret
     from tournaments.ratings.methods import DEFAULT
     from tournaments.reports.report import make_report
     from tournaments.running.scheduler import Folders
@@ -235,8 +268,7 @@ def _report(name: str, league: "League | None", data: Path | None, db: str, form
     with Store(db or str(folders.data / "arena.db"), make=False) as store:
         row = store.get(name) if name else store.latest()
         outcomes = store.outcomes(row)
-    secret = None if league is None else recall_secret(league, folders.keys, row.definition["secret"])
-    report = make_report(row, outcomes, secret, rating_method=ratings or DEFAULT)
+    report = make_report(row, outcomes, rating_method=ratings or DEFAULT)
     _show(report, form, out, folders.journals(row.name))
 
 
@@ -253,10 +285,10 @@ def _show(report: "Report", form: str, out: Path | None, journals: Path) -> None
 
     if out is not None:
         save(out, render(report, form, out, journals))
-        typer.echo(f"wrote {out}", err=True)
+        say(f"wrote {out}", err=True)
     elif form == "text":
         print_table(*as_table(report.standings.rows))
         for line in summary(report):
-            typer.echo(line)
+            say(line)
     else:
-        typer.echo(render(report, form, Path("report.html"), journals), nl=False)
+        say_lines(render(report, form, Path("report.html"), journals))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arena.console import AsJson, complete_ruleset, print_json, print_table, progress_bar, stdout_to_stderr
+from arena.console import AsJson, complete_ruleset, print_json, print_table, progress_bar, say, say_lines, stdout_to_stderr
 from arena.errors import InputError
 from policies.cli import complete_policy
 
@@ -61,7 +61,8 @@ def play(
         _print_tally([first, second], result, ruleset, seed, pairs, journals)
     for name, faults in result.faults.items():
         if faults.first_traceback:
-            typer.echo(f"\n{name} first failed like this:\n{faults.first_traceback}", err=True)
+            say("", f"{name} first failed like this:", err=True)
+            say_lines(faults.first_traceback, err=True)
 
 
 def _entries(one: str, other: str) -> dict[str, str]:
@@ -113,10 +114,10 @@ def _print_tally(names: list[str], result: "Tally", ruleset: "Ruleset", seed: in
         ],
     )  # fmt: skip
     endings = ", ".join(f"{n} by {name.replace('_', ' ')}" for name, n in result.endings.items())
-    typer.echo(f"{2 * pairs} matches ({endings}), {result.ticks / (2 * pairs):.1f} ticks each; rules {ruleset.name}, seed {seed}")
-    typer.echo(f"blue won {result.blue_wins}, red won {result.red_wins}")
+    say(f"{2 * pairs} matches ({endings}), {result.ticks / (2 * pairs):.1f} ticks each; rules {ruleset.name}, seed {seed}")
+    say(f"blue won {result.blue_wins}, red won {result.red_wins}")
     if journals:
-        typer.echo(f"journals: {journals}")
+        say(f"journals: {journals}")
 
 
 def _n_faults(result: "Tally", name: str) -> int:

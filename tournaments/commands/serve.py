@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from arena.console import complete_ruleset
+from arena.console import complete_ruleset, say
 from arena.errors import InputError
 
 _TURN_S, _HUMAN_TURN_S = 1.0, 30.0
@@ -79,7 +79,7 @@ def serve(
     if web is not None:
         check()
     if seed is not None:
-        typer.echo("arena: warning: anyone can try small seeds; strangers should not be seated under --seed", err=True)
+        say("arena: warning: anyone can try small seeds; strangers should not be seated under --seed", err=True)
     open_ladder = find_ladder(ladder_method or DEFAULT) if ladder else None
     folder = data_folder(data)
     identity = load_or_make(folder / "keys" / "pit.key")
@@ -105,10 +105,10 @@ def serve(
     compile_kernels(game_kernels(chosen.ruleset))
 
     def on_open(n_resumed: int) -> None:
-        typer.echo(f"pit open at {chosen.address} (rules {chosen.ruleset.name})")
-        typer.echo(f"join with: arena join {chosen.address} --team any --policy rush{' --forever' if ladder else ''}")
+        say(f"pit open at {chosen.address} (rules {chosen.ruleset.name})")
+        say(f"join with: arena join {chosen.address} --team any --policy rush{' --forever' if ladder else ''}")
         if n_resumed:
-            typer.echo(f"{n_resumed} unfinished matches wait for their seats to come back")
+            say(f"{n_resumed} unfinished matches wait for their seats to come back")
         if web is not None:
             sys.stdout.flush()  # the page says its address on the same stdout
             beside.enter_context(web_page(chosen.address, web, folder, db, None if certificate is None else certificate[0]))
@@ -118,9 +118,9 @@ def serve(
         server = Pit(replace(chosen, ladder=kept))
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: server.stop())
-        n_left = server.run(on_open, lambda played: typer.echo(_describe(played)))
+        n_left = server.run(on_open, lambda played: say(_describe(played)))
     if n_left:
-        typer.echo(f"{n_left} matches are unfinished; arena serve with the same --data takes them up again")
+        say(f"{n_left} matches are unfinished; arena serve with the same --data takes them up again")
 
 
 def _describe(played: Any) -> str:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from arena.console import say
 from arena.errors import InputError
 
 _GOODBYE_S = 2
@@ -58,6 +59,7 @@ def web(
         import uvicorn
         from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
+        from clients.web.connections import MOST_CONNECTIONS, MOST_MESSAGE_BYTES, ImpatientProtocol
         from clients.web.server import WebSettings, listen, make_app
 
     names = [*LOOPBACK, *(name or ())]
@@ -96,9 +98,15 @@ def web(
     shown = host if host not in ("0.0.0.0", "::") else (name or names)[0]
     with listening:
         compile_kernels(game_kernels(load("paper")))  # they are the same for all rulesets
-        typer.echo(f"web page at http://{shown}:{listening.getsockname()[1]}/{fragment}")
+        say(f"web page at http://{shown}:{listening.getsockname()[1]}/{fragment}")
         config = uvicorn.Config(
-            make_app(settings), log_level="warning", ws=WebSocketsSansIOProtocol, timeout_graceful_shutdown=_GOODBYE_S
+            make_app(settings),
+            log_level="warning",
+            http=ImpatientProtocol,
+            ws=WebSocketsSansIOProtocol,
+            ws_max_size=MOST_MESSAGE_BYTES,
+            limit_concurrency=MOST_CONNECTIONS,
+            timeout_graceful_shutdown=_GOODBYE_S,
         )
         server = uvicorn.Server(config)
         if ends_with_stdin:

@@ -1,13 +1,13 @@
 """A league's report as text, Markdown, CSV, JSON or HTML."""
 
 import csv
-import json
 import re
 from collections.abc import Iterable, Sequence
 from io import StringIO
 from pathlib import Path
 
 from arena.console import format_table
+from arena.console import to_json as write_json
 from arena.errors import InputError
 from tournaments.reports.leaderboard import as_table, fault_kinds, rounded, row_to_dict
 from tournaments.reports.report import MOST_SHOWN, Report, summary, to_document
@@ -41,7 +41,7 @@ def save(path: Path, text: str) -> None:
 
 def to_json(report: Report) -> str:
     """Return the report as one JSON document."""
-    return json.dumps(to_document(report), indent=2, ensure_ascii=False) + "\n"
+    return write_json(to_document(report)) + "\n"
 
 
 def to_text(report: Report) -> str:

@@ -5,7 +5,7 @@ when the report was written, stands under the one key `wall`.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -36,8 +36,6 @@ class Report:
     rating_method: str = DEFAULT
     outcomes: tuple[Outcome, ...]
     n_planned: int
-    secret: bytes | None
-    """The league's, once its last match is over."""
     written_at: datetime
     duel: Duel | None = None
     """The test that the league plays, if it plays one; then only the matches of its pairs are reported."""
@@ -53,17 +51,16 @@ class Report:
 def make_report(
     league: StoredLeague,
     outcomes: Iterable[Outcome],
-    secret: bytes | None = None,
     *,
     n_draws: int = N_DRAWS,
     findings: Iterable[str] = (),
     rating_method: str = DEFAULT,
 ) -> Report:
-    """Return the report of a league; its secret is told only if no match is left to be played."""
+    """Return the report of a league."""
     test = judge(league.definition, outcomes := tuple(outcomes))
     counted = outcomes if test is None else test.outcomes
     names = list(league.definition["entries"])
-    report = Report(
+    return Report(
         league=league,
         standings=stand(
             names,
@@ -75,12 +72,10 @@ def make_report(
         rating_method=rating_method,
         outcomes=counted,
         n_planned=count_matches(len(names), league.n_pairs, is_gauntlet="challenger" in league.definition),
-        secret=secret,
         written_at=datetime.now(UTC),
         duel=test,
         findings=tuple(findings),
     )
-    return report if report.is_complete else replace(report, secret=None)
 
 
 def to_document(report: Report) -> dict[str, Any]:
@@ -92,7 +87,7 @@ def to_document(report: Report) -> dict[str, Any]:
             "name": league.name,
             "hash": league.hash,
             **league.definition,
-            "secret": None if report.secret is None else report.secret.hex(),
+            "secret": None if league.secret is None else league.secret.hex(),
             "secret_commitment": league.definition.get("secret"),
             "pairs": league.n_pairs,
         },
@@ -200,4 +195,6 @@ def summary(report: Report) -> list[str]:
     lines += [f"warning: {sentence}" for sentence in warnings(report)]
     if not report.is_complete:
         lines.append("the league is not over: arena tournament run goes on with it")
+    if league.secret is not None:
+        lines.append(f"the league is closed; all its maps and fights follow from the secret {league.secret.hex()}")
     return lines

@@ -68,7 +68,7 @@ def check_entries(
     named = list(zip(trials, tried.values(), strict=True))
     failures = [f"{name} cannot start: {trial.why_not}" for trial, names in named if trial.why_not for name in names]
     if failures:
-        raise InputError("\n".join(sorted(failures)))
+        raise InputError(*sorted(failures))
     return {name: trial.think_s for trial, names in named for name in names}
 
 

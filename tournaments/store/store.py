@@ -11,12 +11,12 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import RLock
 from typing import Any, Self, TypeVar
 
-from sqlalchemy import Connection, Engine, func, select, text
+from sqlalchemy import Connection, Engine, func, select, text, update
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DatabaseError
 
@@ -35,6 +35,8 @@ PATIENCE_S = 30.0
 """How long a server may be away in the middle of a league."""
 _STORED_NAMES = {"challenger": "hero"}
 """Keys of a definition that rows hold under another name: a league's hash, too, is of these."""
+_REVEALED = "revealed"
+"""Where the row of a closed league holds its secret, beside its definition."""
 T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
@@ -49,6 +51,8 @@ class StoredLeague:
     definition: Mapping[str, Any]
     """`League.definition`, and under `secret` what binds it to its secret."""
     n_pairs: int
+    secret: bytes | None = None
+    """None until the league is closed for good: who knows it knows the maps of pairs that could still be added."""
 
 
 class Store:
@@ -140,7 +144,8 @@ class Store:
         Raises
         ------
         StoreError
-            It has results that were played under another definition, or more pairs; the sentence names the edit.
+            It has results that were played under another definition, or more pairs; the sentence names the edit. Or it is closed,
+            and was given more pairs.
         """
         before = self.find(name)
         if before is not None and self.count(before) > 0:
@@ -149,8 +154,10 @@ class Store:
                 edit = f"pairs were lowered (were {before.n_pairs}, are {n_pairs})"
             if edit is not None:
                 raise StoreError(f"league {name} has results, and {edit}: undo that, or give the league another name")
+            if before.secret is not None and n_pairs > before.n_pairs:
+                raise StoreError(f"league {name} is closed: whoever knows its secret knows the maps of more pairs; name another")
         stored = _rename(definition, _STORED_NAMES)
-        facts = json.dumps(stored, sort_keys=True)
+        facts = _pack_facts(stored, None if before is None else before.secret)
         values = {"hash": hash_definition(stored), "facts": facts, "n_pairs": n_pairs, "run_at": time.time()}
         row = self._insert(LEAGUES).values(name=name, **values).on_conflict_do_update(index_elements=["name"], set_=values)
         self._do("write to", lambda connection: connection.execute(row), name)
@@ -158,6 +165,13 @@ class Store:
         if found is None:
             raise StoreError(f"league {name} was taken out of the store while it began")
         return found
+
+    def close(self, league: StoredLeague, secret: bytes) -> StoredLeague:
+        """Close a league whose lock is held, for good: its secret may be known from now on, and no pairs are added to it."""
+        facts = _pack_facts(_rename(league.definition, _STORED_NAMES), secret)
+        row = update(LEAGUES).where(LEAGUES.c.id == league.id).values(facts=facts)
+        self._do("write to", lambda connection: connection.execute(row), league.name)
+        return replace(league, secret=secret)
 
     def find(self, name: str) -> StoredLeague | None:
         """Return a league by its name."""
@@ -185,16 +199,15 @@ class Store:
 
     def _leagues(self, query: Any) -> list[StoredLeague]:
         rows = self._do("read", lambda connection: connection.execute(query).all())
-        return [
-            StoredLeague(
-                id=row.id,
-                name=row.name,
-                hash=row.hash,
-                definition=_rename(json.loads(row.facts), {old: name for name, old in _STORED_NAMES.items()}),
-                n_pairs=row.n_pairs,
-            )
-            for row in rows
-        ]
+        return [self._read(f"of the league {row.name}", _league, row) for row in rows]
+
+    def _read(self, what: str, read: Callable[[Any], T], row: Any) -> T:
+        """Return what a row holds; `StoreError` if somebody else than a store wrote it."""
+        try:
+            return read(row)
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            way_out = "restore the store from a copy, or take the row out"
+            raise StoreError(f"the row {what} in the store {self._where} cannot be read ({error!r}): {way_out}") from error
 
     def add(self, league: StoredLeague, outcome: Outcome) -> bool:
         """Keep a match that ended; False if it was kept before. A void match is no result and is refused."""
@@ -229,7 +242,9 @@ class Store:
         """Return a league's results, sorted by identity: in whatever order they came, they are returned alike."""
         query = select(MATCHES).where(MATCHES.c.league_id == league.id)
         rows = self._do("read", lambda connection: connection.execute(query).all())
-        return sorted((_outcome(row) for row in rows), key=lambda outcome: outcome.identity)  # databases sort by their locale
+        return sorted(
+            (self._read(f"of the match {row.identity}", _outcome, row) for row in rows), key=lambda outcome: outcome.identity
+        )  # databases sort by their locale
 
     def identities(self, league: StoredLeague) -> set[str]:
         """Return what was played."""
@@ -294,6 +309,17 @@ def _rename(definition: Mapping[str, Any], names: Mapping[str, str]) -> dict[str
 def _clean(words: str) -> str:
     """Replace what a text in PostgreSQL cannot hold, and what is no text: a reason may quote a stranger."""
     return words.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode()
+
+
+def _league(row: Any) -> StoredLeague:
+    definition = _rename(json.loads(row.facts), {old: name for name, old in _STORED_NAMES.items()})
+    revealed = definition.pop(_REVEALED, None)
+    secret = None if revealed is None else bytes.fromhex(revealed)
+    return StoredLeague(id=row.id, name=row.name, hash=row.hash, definition=definition, n_pairs=row.n_pairs, secret=secret)
+
+
+def _pack_facts(stored: Mapping[str, Any], secret: bytes | None) -> str:
+    return json.dumps({**stored, **({} if secret is None else {_REVEALED: secret.hex()})}, sort_keys=True)
 
 
 def _pack(seat: SeatOutcome) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
+from arena.folders import data_folder
 from arena.game.types import Team
 from arena.keyring.files import load_or_make
 from arena.network.address import Address
@@ -43,7 +44,7 @@ def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]
         yield outcome
     if not left:
         return
-    setting.journals.mkdir(parents=True, exist_ok=True)
+    data_folder(setting.journals)
     names = sorted({name for plan in left.values() for name in (plan.blue, plan.red)})
     ours = [name for name in names if name not in setting.remote]
     entries = {**setting.remote, **{name: load_or_make(entry_key_path(setting, name)).public for name in ours}}

@@ -17,6 +17,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from arena.errors import ArenaError, InputError
+from arena.folders import data_folder
 from arena.game.engine import warm
 from arena.jit import cache_root
 from arena.keyring.files import load_or_make
@@ -203,7 +204,7 @@ class ClientProcess:
     def _start(self) -> None:
         self._away = None
         self._restarts.note_start()
-        self._home.mkdir(parents=True, exist_ok=True, mode=0o700)
+        data_folder(self._home, 0o700)
         environment = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ARENA_CONFIG"))}
         environment |= {"HOME": str(self._home), "NUMBA_CACHE_DIR": str(cache_root())}
         with self._log.open("ab") as log:

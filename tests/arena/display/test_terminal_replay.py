@@ -162,7 +162,7 @@ def test_a_unit_that_fell_in_the_middle_has_a_line_of_its_own(arena: Run, tmp_pa
     ]
     assert "orders: ugv 0 west, ugv 1 fallen, uav 2 north" in lines
     assert "\x1b" not in done.stdout
-    assert lines[0] == "pit p, match m: a?[2J plays blue against b"
+    assert lines[0] == r"pit p, match m: a\x1b[2J plays blue against b"
 
 
 def test_a_transcript_without_an_ending_says_so(arena: Run, race: Path, tmp_path: Path) -> None:

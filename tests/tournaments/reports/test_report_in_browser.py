@@ -44,7 +44,7 @@ def pretend(n_entries: int, n_pairs: int, *, reason: str = "", tail: str = "", n
                 outcomes.append(_outcome(f"friday/{one}/{other}/{pair:04}/{blue}-blue/0", blue, red, winner, reason, rng))
     facts = {"ruleset": "paper", "rules": "c2" * 32, "entries": dict.fromkeys(names, "rush"), "secret": "ef" * 32}
     league = StoredLeague(id=1, name="friday", hash="ab" * 32, n_pairs=n_pairs, definition=facts)
-    return make_report(league, outcomes, bytes(32), n_draws=n_draws, findings=["three beat each other in a circle"])
+    return make_report(league, outcomes, n_draws=n_draws, findings=["three beat each other in a circle"])
 
 
 def _outcome(identity: str, blue: str, red: str, winner: Team | None, reason: str, rng: random.Random) -> Outcome:

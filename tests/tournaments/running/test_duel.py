@@ -66,7 +66,7 @@ def run(
         for _ in islice(scheduler.run(play), n):
             pass
         outcomes = store.outcomes(scheduler.row)
-        return make_report(scheduler.row, outcomes, scheduler.secret, n_draws=10), len(outcomes)
+        return make_report(scheduler.row, outcomes, n_draws=10), len(outcomes)
 
 
 def without_wall(report: Report) -> str:
@@ -83,7 +83,6 @@ def test_it_stops_at_the_first_pair_that_decides_and_says_what_was_played_beyond
     assert test.verdict is Verdict.ACCEPTED
     assert Sprt(**BOUNDS).run(_scores(report)[: test.n_pairs - 1]).verdict is Verdict.GOING_ON
     assert report.is_complete
-    assert report.secret is not None
     assert len(report.outcomes) == report.standings.n_matches == 2 * test.n_pairs
     assert n_stored == 2 * LEAST_BATCH
     assert report.duel.n_beyond == n_stored - 2 * test.n_pairs > 0
