@@ -40,6 +40,8 @@ class ActionReceived(NamedTuple):
     match: str
     team: Team
     payload: bytes
+    arrived_s: float | None = None
+    """When it may have arrived at the earliest, if it lay in the queue while something else was done."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -128,11 +128,11 @@ class MatchSession:
             commitment=self._commitment,
         )
 
-    def receive(self, team: Team, payload: bytes, now_s: float) -> list[Effect]:
-        """Take a message on a seat's key. Junk is counted, and uses up nothing of the seat's."""
+    def receive(self, team: Team, payload: bytes, now_s: float, arrived_s: float | None = None) -> list[Effect]:
+        """Take a message on a seat's key, which came at `arrived_s`. Junk is counted, and uses up nothing of the seat's."""
         message = self._open(team, payload)
         if type(message) is Orders:
-            match_effects = self.match.submit(team, message.tick, message.actions, now_s)
+            match_effects = self.match.submit(team, message.tick, message.actions, now_s, arrived_s)
             return self.carry(match_effects) if match_effects else []
         if type(message) is Ready:
             return self._welcome(team, max(message.known_ticks, 0), now_s)
@@ -205,7 +205,8 @@ class MatchSession:
         if seat.sealer is None:
             return None
         if seat.sent[0] != ask.tick:
-            seat.sent = ask.tick, seat.sealer.close(encode(Turn(tick=ask.tick, observation=ask.observation)), ask.tick)
+            turn = Turn(tick=ask.tick, observation=ask.observation, charged_us=ask.charged_us)
+            seat.sent = ask.tick, seat.sealer.close(encode(turn), ask.tick)
         return seat.sent[1]
 
     def _welcome(self, team: Team, known: int, now_s: float) -> list[Effect]:

@@ -91,10 +91,10 @@ class Matches:
 
     def receive(self, event: ActionReceived, now_s: float) -> list[Effect]:
         """Take a message on a seat's key."""
-        match, team, payload = event
+        match, team, payload, arrived_s = event
         session = self._running.get(match)
         if session is not None:
-            effects = session.receive(team, payload, now_s)
+            effects = session.receive(team, payload, now_s, arrived_s)
             return effects if session.ending is None else self._settle(session, effects, now_s)
         closing = self._closing.get(match)
         if closing is None:

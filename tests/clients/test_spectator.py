@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arena.errors import ForgedError, InputError, ProtocolError, UnreadableError
+from arena.errors import ForgedError, InputError, ProtocolError, ReplayedError, UnreadableError
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load, to_dict
 from arena.game.state import StateField
@@ -170,10 +170,11 @@ def test_a_truth_that_was_changed_cut_or_heard_before_does_not_open(show: Show) 
         truths[2][:-1],
         truths[2][:-1] + bytes([truths[2][-1] ^ 1]),
         truths[3][:SALT_BYTES] + b"\x01" + truths[3][SALT_BYTES + 1 :],
-        truths[0],
     ):
         with pytest.raises(ForgedError):
             watching.read_truth(payload)
+    with pytest.raises(ReplayedError):
+        watching.read_truth(truths[0])
 
 
 def test_a_pit_that_came_back_is_seen_again(show: Show) -> None:
@@ -183,7 +184,7 @@ def test_a_pit_that_came_back_is_seen_again(show: Show) -> None:
         watching.read_truth(payload)
 
     assert frame(watching.read_truth(Show().truths[0])).tick == 0
-    with pytest.raises(ForgedError):
+    with pytest.raises(ReplayedError):
         watching.read_truth(show.truths[0])
 
 

@@ -203,6 +203,40 @@ def test_each_fault_is_provoked_and_only_it(pit: OfflinePit, kind: str) -> None:
     assert (faults(pit, ann), faults(pit, bob)) == (NO_FAULTS, NO_FAULTS | {kind: 1})
 
 
+def test_orders_are_charged_until_they_came_and_not_until_they_were_taken_up(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=1)
+    asked_s = pit.now_s
+    pit.now_s += 7.0  # of which the pit did something else for 6.75 s
+    for player, took_s in ((ann, 0.25), (bob, -0.5)):
+        orders = player.sealer.close(encode(Orders(tick=1, actions=bytes(N_UNITS))), 1)
+        pit.do(ActionReceived(*player.place, orders, asked_s + took_s))
+
+    turns = [message for player in (ann, bob) for message in player.read()]
+
+    assert [(turn.tick, turn.charged_us) for turn in turns if isinstance(turn, Turn)] == [(2, 250_000), (2, 0)]
+
+
+def test_each_turn_says_what_the_one_before_was_charged(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=0)
+    n_bytes = set()
+    told = []
+    for took_s in (0.5, 0.0, 1.25, None):
+        bob.order()
+        if took_s is None:
+            pit.pass_time(TimeControl().turn_time_s + TimeControl().bank_s)  # type: ignore[operator]  # there is a clock
+        else:
+            pit.now_s += took_s
+            ann.order()
+        told += [turn.charged_us for turn in ann.read() if isinstance(turn, Turn)]
+        bob.read()
+        n_bytes |= {len(data) for data in pit.sent[ann.place]}
+
+    assert told == [500_000, 0, 1_250_000, 1_000_000 + 9_750_000], "of a turn that was missed all, and the bank"
+    assert len(n_bytes) == 1
+
+
 # Who comes back, and who does not
 
 
