@@ -8,8 +8,12 @@ the rules of the game, and the kernels of the package that it stands in.
 import hashlib
 import logging
 import os
-import tempfile
+import pickle
+import sys
+import uuid
 from collections.abc import Callable
+from contextlib import suppress
+from contextvars import ContextVar
 from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,29 +21,101 @@ from typing import Any, ParamSpec, TypeVar
 
 import numba
 from numba import config
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
 from platformdirs import user_cache_path
 
 P = ParamSpec("P")
 R = TypeVar("R")
 logger = logging.getLogger(__name__)
+_DIGEST_BYTES = 32
+_only_loads: ContextVar[bool] = ContextVar("only_loads", default=False)
+
+
+class NotCompiledError(LookupError):
+    """A kernel is not in the cache, and was not to be compiled."""
+
+
+class KernelCache(NullCache):  # type: ignore[misc]  # numba's, which has no types
+    """The cache of one function: a file for each combination of types, found by its name, written whole and never changed.
+
+    numba's own keeps an index beside the files, which processes that compile at the same time mix up. It does not read where it
+    cannot write, and fails on a file that was cut. Here such a file is one that is missing, and a folder that cannot be written
+    is still read.
+    """
+
+    def __init__(self, function: Callable[..., Any], folder: Path) -> None:
+        self._function, self._folder = function, folder
+        cells = function.__closure__
+        closure = b"" if cells is None else dumps(tuple(cell.cell_contents for cell in cells))
+        source = Path(function.__code__.co_filename).read_bytes()
+        content = (hashlib.sha256(part).hexdigest() for part in (source, function.__code__.co_code, closure))
+        line = function.__code__.co_firstlineno
+        self._key = (*content, line, sys.implementation.cache_tag, numba.__version__, config.OPT, config.LOOP_VECTORIZE)
+
+    @property
+    def cache_path(self) -> str:
+        """The folder, as numba's statistics show it."""
+        return str(self._folder)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what the function was compiled to for a signature, or None if it is not there, whole.
+
+        Raises
+        ------
+        NotCompiledError
+            It is not there, within `load_kernels`.
+        """
+        target_context.refresh()
+        try:
+            data = self._file(sig, target_context.codegen()).read_bytes()
+        except OSError:
+            data = b""
+        digest, data = data[:_DIGEST_BYTES], data[_DIGEST_BYTES:]
+        if hashlib.sha256(data).digest() == digest:
+            return CompileResult._rebuild(target_context, *pickle.loads(data))
+        if _only_loads.get():
+            raise NotCompiledError(self._function.__qualname__)
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep what the function was compiled to, if the folder lets it."""
+        if data.lifted or data.library.has_dynamic_globals:
+            return  # it holds addresses of this process
+        file, content = self._file(sig, data.codegen), dumps(data._reduce())
+        beside = file.with_name(f".{uuid.uuid4().hex}")
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            beside.write_bytes(hashlib.sha256(content).digest() + content)
+            beside.replace(file)
+        except OSError as error:
+            with suppress(OSError):
+                beside.unlink()
+            _warn(self._folder.parent, error.strerror)
+
+    def _file(self, sig: Any, codegen: Any) -> Path:
+        key = hashlib.sha256(repr((sig, codegen.magic_tuple(), self._key)).encode()).hexdigest()
+        return self._folder / f"{self._function.__qualname__.replace('<locals>.', '')}-{key[:32]}.kernel"
 
 
 @cache
-def _cache_folder(package: str) -> str | None:
-    """Return where the kernels of a package are cached, or None where nothing can be written.
+def _warn(root: Path, why: str) -> None:
+    logger.warning("kernels are compiled anew at each start: cannot write to %s: %s", root, why)
 
-    There numba would go on to its own places, whose keys notice too little.
-    """
+
+@cache
+def _cache_folder(package: str) -> Path:
+    """Return where the kernels of a package are cached."""
     digest = hashlib.sha256()
     for name in sorted({"arena", package}):
         spec = find_spec(name)
         for place in (spec.submodule_search_locations if spec else None) or ():
             for source in sorted(Path(place).rglob("*.py")):
                 text = source.read_bytes()
-                if source.parent.name == "game" or b"import jit" in text:
+                if source.parent.name == "game" or source.name == "jit.py" or b"import jit" in text:
                     digest.update(source.name.encode() + b"\0" + text)
-    root = cache_root()
-    return str(root / digest.hexdigest()[:16]) if _can_write(root) else None
+    return cache_root() / digest.hexdigest()[:16]
 
 
 def cache_root() -> Path:
@@ -47,14 +123,15 @@ def cache_root() -> Path:
     return Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("arena") / "kernels")
 
 
-@cache
-def _can_write(root: Path) -> bool:
+def load_kernels(run: Callable[[], object]) -> bool:
+    """Run what needs kernels, and return whether all were compiled before; nothing is compiled for it."""
+    token = _only_loads.set(True)
     try:
-        root.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=root).close()
-    except OSError as error:
-        logger.warning("kernels are compiled anew at each start: cannot write to %s: %s", root, error.strerror)
+        run()
+    except NotCompiledError:
         return False
+    finally:
+        _only_loads.reset(token)
     return True
 
 
@@ -75,14 +152,10 @@ def jit(*, inline: bool = False, keeps_gil: bool = False) -> Callable[[Callable[
         options: dict[str, Any] = {"nogil": not keeps_gil, "error_model": "numpy", "_nrt": False}
         if inline:
             return numba.njit(forceinline=True, **options)(function)  # type: ignore[no-any-return]
-        folder = _cache_folder(function.__module__.partition(".")[0])
-        if folder is None:
-            return numba.njit(**options)(function)  # type: ignore[no-any-return]
-        before, config.CACHE_DIR = config.CACHE_DIR, folder
-        try:
-            return numba.njit(cache=True, **options)(function)  # type: ignore[no-any-return]
-        finally:
-            config.CACHE_DIR = before
+        dispatcher = numba.njit(**options)(function)
+        if not config.DISABLE_JIT:
+            dispatcher._cache = KernelCache(function, _cache_folder(function.__module__.partition(".")[0]))
+        return dispatcher  # type: ignore[no-any-return]
 
     return compile_
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 
 from arena.errors import PolicyError
+from arena.files import MOST_TEXT_BYTES, read_file
 from policies.each_seat import MakeBot, WithoutMemory
 
 _CLASS_NAMES = ("Policy", "Bot")
@@ -47,7 +48,7 @@ def load_bot(file: str) -> MakeBot:
 def _import(path: Path) -> ModuleType:
     """Run the file as a module; its folder comes last on the path, so that it cannot replace what others import."""
     try:
-        source = path.read_bytes()
+        source = read_file(path, MOST_TEXT_BYTES * 16)
     except OSError as error:
         raise PolicyError(f"cannot read the bot file {path}: {error.strerror}") from error
     place = path.resolve()

@@ -1,37 +1,76 @@
 """The sub-commands of journals and transcripts: `arena replay`."""
 
+from collections import Counter
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from arena.console import AsJson, print_json, print_table
 from arena.errors import InputError
 
+if TYPE_CHECKING:
+    from arena.display.signers import Signers
+    from arena.records.journal import Header, Seals
+
+_MOST_ROWS = 20
 replay = typer.Typer(no_args_is_help=True, help="Look at journals, or check them.")
 
 
 @replay.command("verify")
 def verify_journals(
     files: Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER...", help="Journals, or folders of them.")],
+    pit: Annotated[
+        str, typer.Option(metavar="KEY|ADDRESS", help="The pit that must have signed: its key, or arena:// address.")
+    ] = "",
+    entry: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=KEY", help="The key that this entry must have; may be given again.")
+    ] = None,
+    is_local: Annotated[
+        bool,
+        typer.Option("--local", help="Take journals that no pit signed: those of arena play, and of leagues in the local venue."),
+    ] = False,
     transcript: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Check as well that this seat saw the match of the journal.")
     ] = None,
+    data: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="The data folder of your own pit or leagues, to know their keys.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Play journals again and compare every tick, and check who signed them; exit 1 if one does not hold."""
+    """Play journals again, compare every tick, and check who signed them; exit 1 if one does not hold.
+
+    Anyone can play a match with keys of their own, under any names. So the keys of the pit and of the entries are shown: those
+    that this machine knows by where it knows them from, all others as unknown. Name those that you rely on.
+    """
+    from platformdirs import user_data_path
+
+    from arena.display.signers import Signers, read_named
     from arena.records.journal import find_journals
 
+    if is_local and (pit or entry):
+        raise InputError("--local takes journals that nobody signed, so there is no key to compare with --pit and --entry")
+    named = read_named(pit, entry or [])
+    signers = Signers(named, data or user_data_path("arena"))
     paths = list(find_journals(files))
     if transcript is not None and len(paths) != 1:
         raise InputError(f"--transcript is of one match, and there are {len(paths)} journals; name the journal of that match")
-    checks = [_check(path, transcript) for path in paths]
+    checks = [_check(path, transcript, signers, is_local=is_local) for path in paths]
+    unmet = named.entries.keys() - {check["keys"][team]["name"] for check in checks if check["keys"] for team in ("blue", "red")}
+    if unmet:
+        raise InputError(f"--entry names {min(unmet)!r}, who plays in none of these journals")
     broken = [check for check in checks if not check["ok"]]
     if as_json:
         print_json(checks[0] if len(checks) == 1 and not files[0].is_dir() else checks)
-    elif len(checks) <= 20 or broken:
-        shown = checks if len(checks) <= 20 else broken
+    else:
+        _print_checks(checks, broken)
+    if broken:
+        raise typer.Exit(1)
+
+
+def _print_checks(checks: list[dict[str, Any]], broken: list[dict[str, Any]]) -> None:
+    if len(checks) <= _MOST_ROWS or broken:
         print_table(
             ("journal", "ok", "ticks", "signed", "canonical hash, or what is wrong"),
             [
@@ -42,24 +81,29 @@ def verify_journals(
                     _format_signatures(check["seals"]),
                     check.get("error") or check["canonical_hash"],
                 )
-                for check in shown
+                for check in (checks if len(checks) <= _MOST_ROWS else broken)
             ],
         )
-    if not as_json:
-        typer.echo(f"{len(checks) - len(broken)} of {len(checks)} journals hold")
-    if broken:
-        raise typer.Exit(1)
+    n_journals = Counter(
+        ("the pit" if who == "pit" else f"entry {key['name']}", key["known_as"] or "unknown key", key["key"])
+        for check in checks
+        if check["keys"]
+        for who, key in check["keys"].items()
+    )
+    if n_journals:
+        rows = [(who, n, f"{known} {key}") for (who, known, key), n in sorted(n_journals.items())]
+        print_table(("who", "journals", "key"), rows[::-1])
+    typer.echo(f"{len(checks) - len(broken)} of {len(checks)} journals hold")
 
 
-def _check(path: Path, transcript: Path | None) -> dict[str, Any]:
+def _check(path: Path, transcript: Path | None, signers: "Signers", *, is_local: bool) -> dict[str, Any]:
     """Return what `--json` prints of one journal."""
-    from arena.errors import JournalError
     from arena.records.journal import load_journal
     from arena.records.replay import BrokenChainError, verify
     from arena.records.transcript import load_transcript
     from arena.records.verification import check_seals, compare
 
-    facts: dict[str, Any] = {"file": str(path), "ok": False, "ticks": 0, "canonical_hash": None, "seals": None}
+    facts: dict[str, Any] = {"file": str(path), "ok": False, "ticks": 0, "canonical_hash": None, "seals": None, "keys": None}
     try:
         journal = load_journal(path)
         facts["canonical_hash"] = journal.canonical_hash
@@ -67,23 +111,45 @@ def _check(path: Path, transcript: Path | None) -> dict[str, Any]:
         if checked is None:
             verify(journal)
         facts["ticks"] = len(journal.ticks)
-        if checked is not None:
+        if checked is not None and journal.seals is not None:
             receipts = {team.name.lower(): standing.value for team, standing in checked.receipts.items()}
             facts["seals"] = {"pit": checked.signature.value, "commitment": checked.commitment.value, "receipts": receipts}
             if not checked.is_sound:
                 return facts | {"error": "it was signed by others than it says, or the pit broke its commitment"}
+            facts["keys"] = _describe_keys(journal.header, journal.seals, signers, path)
+            impostor = signers.find_impostor(journal.header, journal.seals, path)
+            if impostor:
+                return facts | {"error": impostor}
+        if not is_local and (checked is None or not checked.is_signed):
+            return facts | {"error": "no pit signed it; if it was played without one, on a machine that you trust, add --local"}
         difference = "" if transcript is None else compare(journal, load_transcript(transcript))
         return facts | ({"error": difference} if difference else {"ok": True})
     except BrokenChainError as error:
         return facts | {"ticks": error.tick, "error": str(error)}
-    except JournalError as error:
+    except InputError as error:
         return facts | {"error": str(error)}
+
+
+def _describe_keys(header: "Header", seals: "Seals", signers: "Signers", path: Path) -> dict[str, dict[str, str | None]]:
+    """Return the pit's and the entries' public keys, and where each is known from."""
+    from arena.game.types import Team
+    from arena.protocol.identity import to_text
+
+    named = (
+        ("pit", None, seals.pit_key),
+        ("blue", header.blue, seals.entries[Team.BLUE]),
+        ("red", header.red, seals.entries[Team.RED]),
+    )
+    return {
+        who: {**({} if name is None else {"name": name}), "key": to_text(key), "known_as": signers.describe(key, path)}
+        for who, name, key in named
+    }
 
 
 def _format_signatures(seals: dict[str, Any] | None) -> str:
     """Return a cell on who signed."""
     if seals is None:
-        return "by nobody: local"
+        return "by nobody"
     parts = {"pit": seals["pit"], **seals["receipts"]}
     bad = [f"{who} {standing}" for who, standing in parts.items() if standing != "holds"]
     return ", ".join(bad) if bad else "by pit, blue and red"

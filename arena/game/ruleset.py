@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from arena.errors import RulesetError, UnknownNameError
+from arena.files import read_text
 from arena.game.board import Board, parse_board
 from arena.game.types import RULES_VERSION, Team
 
@@ -121,7 +122,7 @@ def load(name_or_file: str) -> Ruleset:
     if name_or_file.endswith(".toml"):
         path = Path(name_or_file)
         try:
-            text = path.read_text(encoding="utf-8")
+            text = read_text(path)
         except OSError as error:
             raise RulesetError(f"cannot read the ruleset {name_or_file}: {error.strerror}") from error
         except UnicodeDecodeError as error:

@@ -17,6 +17,7 @@ from zenoh.handlers import Callback, RingChannel
 
 from arena.errors import InputError, LostPitError
 from arena.network.access import Certificate, access_rules, check_authority, check_certificate
+from arena.network.capacity import MOST_PENDING, most_sessions
 from arena.protocol.codec import MOST_BYTES
 
 Put = Callable[[bytes], None]
@@ -29,8 +30,6 @@ _COMMON = {
     # Nobody meets by accident: clients connect to the pit that they name.
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
-    # A peer that does not read is waited for this long, in microseconds, and then cut off: it held `put` for 5 s.
-    "transport/link/tx/queue/congestion_control/block/wait_before_close": 50_000,
     # Batches in the queue of each peer: the most that Zenoh allows, so that a peer that waits for a busy core is not cut off.
     "transport/link/tx/queue/size/data": 16,
     # By shared memory, 10 MB from the same machine got past the bound on the size of messages.
@@ -38,6 +37,10 @@ _COMMON = {
     # There a router would show who is connected.
     "adminspace/enabled": False,
 }
+_WAIT_BEFORE_CLOSE = "transport/link/tx/queue/congestion_control/block/wait_before_close"
+"""How long, in microseconds, a peer that does not read holds `put` before it is cut off."""
+_ROUTER_WAITS_US, _CLIENT_WAITS_US = 50_000, 5_000_000
+"""A router serves others meanwhile. A client has nobody else to talk to, and a busy router is no reason to leave."""
 
 
 class Query:
@@ -225,6 +228,9 @@ def open_router(endpoint: str, pit: str, certificate: Certificate | None = None)
     """
     settings: dict[str, Any] = {
         "listen/endpoints": [endpoint],
+        _WAIT_BEFORE_CLOSE: _ROUTER_WAITS_US,
+        "transport/unicast/max_sessions": most_sessions(),
+        "transport/unicast/accept_pending": MOST_PENDING,
         "transport/link/rx/max_message_size": _MOST_WIRE_BYTES,
         "access_control": access_rules(pit),
     }
@@ -245,7 +251,12 @@ def open_client(endpoint: str, authority: Path | None = None) -> Session:
     authority
         For tls/ and quic/: a PEM file of the certificates to trust, such as the pit's own; without it, those that the web trusts.
     """
-    settings = {"connect/endpoints": [endpoint], "connect/timeout_ms": _OPEN_TIMEOUT_MS, "connect/exit_on_failure": True}
+    settings: dict[str, Any] = {
+        _WAIT_BEFORE_CLOSE: _CLIENT_WAITS_US,
+        "connect/endpoints": [endpoint],
+        "connect/timeout_ms": _OPEN_TIMEOUT_MS,
+        "connect/exit_on_failure": True,
+    }
     if authority is not None:
         if not _is_encrypted(endpoint):
             raise InputError(f"{endpoint} is not encrypted, so nothing there can be checked with {authority}")

@@ -1,5 +1,6 @@
 """Who may play, waits for an opponent, and is seated."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -21,7 +22,7 @@ FORGET_WAITING_S = 15.0
 MOST_QUEUED = 4_096
 """Clients that may wait for a seat at once."""
 MOST_RUNNING = 256
-"""Matches at once; each costs an open file."""
+"""Matches at once; each costs an open file, and fewer begin where there is none left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,12 @@ class Admission:
     def __init__(self, ruleset: Ruleset, seating: Seating, register: Register, matches: Matches) -> None:
         self._ruleset, self._seating, self._register, self._matches = ruleset, seating, register, matches
         self._queue: dict[SlotId, QueuedClient] = {}
+        self.n_journals: float = math.inf
+        """Matches that may begin before more journals can be opened."""
+
+    @property
+    def _has_room(self) -> bool:
+        return len(self._matches.running) < MOST_RUNNING and self.n_journals > 0
 
     @property
     def names(self) -> list[str]:
@@ -90,7 +97,7 @@ class Admission:
     def advance(self, now_s: float) -> list[Effect]:
         """Begin what can begin; answer those who have waited for long that they still wait, or that it is of no use."""
         effects: list[Effect] = []
-        while len(self._matches.running) < MOST_RUNNING and (pairing := self._seating.pair_up(now_s)) is not None:
+        while self._has_room and (pairing := self._seating.pair_up(now_s)) is not None:
             effects += self._begin(pairing, now_s)
         is_done = self._seating.is_done
         for slot, client in list(self._queue.items()):
@@ -121,10 +128,10 @@ class Admission:
         if before is not None and before.pending is not None:
             effects.append(before.pending.reply(Wait(reason="for an opponent")))
         self._queue[slot] = QueuedClient(request.name, pending, now_s)
-        if len(self._matches.running) >= MOST_RUNNING:
+        if not self._has_room:
             given_up = self._matches.give_up_unready(now_s)
-            if not given_up:
-                return effects  # the client gets Wait in time, and asks again
+            if not given_up or self.n_journals <= 0:
+                return effects + given_up  # the client gets Wait in time, and asks again
             effects += given_up
         answer = self._seating.place(slot, request, now_s)
         if isinstance(answer, Pairing):
@@ -137,6 +144,7 @@ class Admission:
     def _begin(self, pairing: Pairing, now_s: float) -> list[Effect]:
         """Begin a match, and seat those of its clients who are asking just now; the others ask again in a moment."""
         match, effects = self._matches.begin(pairing, now_s)
+        self.n_journals -= 1
         for team, slot in pairing.slots.items():
             pending = self._queue.pop(slot).pending
             if pending is not None:

@@ -35,9 +35,10 @@ class Archive:
         """Let those who ask for a journal wait until it is added."""
         self._asked[match] = []
 
-    def add(self, match: str, header: Header) -> list[Effect]:
-        """Keep a journal that is whole, and answer those who wait for it."""
-        self._headers[match] = header
+    def add(self, match: str, header: Header | None) -> list[Effect]:
+        """Keep a journal that is whole, None if the match left none, and answer those who wait for it."""
+        if header is not None:
+            self._headers[match] = header
         if len(self._headers) > MOST_KEPT:
             self._headers.popitem(last=False)
         return [effect for asked in self._asked.pop(match, []) for effect in self.answer(asked)]

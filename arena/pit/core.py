@@ -25,6 +25,7 @@ from arena.pit.events import (
     Event,
     JoinAsked,
     JournalAsked,
+    JournalsReady,
     LobbyAsked,
     PresenceChanged,
     RequestOpened,
@@ -75,6 +76,7 @@ class PitCore:
             TimePassed: self._on_time,
             RequestTurn: self._on_request_turn,
             RequestOpened: self._on_request_opened,
+            JournalsReady: self._on_journals_ready,
             UnfinishedFound: self._on_unfinished,
             Stopped: self._on_stopped,
         }
@@ -159,6 +161,10 @@ class PitCore:
 
     def _on_journal(self, event: JournalAsked, now_s: float) -> list[Effect]:
         return self._matches.ask_for_journal(event)
+
+    def _on_journals_ready(self, event: JournalsReady, now_s: float) -> list[Effect]:
+        self._admission.n_journals = event.n
+        return []
 
     def _on_unfinished(self, event: UnfinishedFound, now_s: float) -> list[Effect]:
         return self._matches.resume(event, now_s)

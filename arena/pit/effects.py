@@ -46,7 +46,7 @@ class ReplyWithJournal:
 
 @dataclass(frozen=True, slots=True)
 class OpenMatch:
-    """Open the channels of a match, and its journal for appending."""
+    """Open the channels of a match, and its journal for appending. A new one has no name before something is appended."""
 
     match: str
     journal: str

@@ -74,6 +74,13 @@ class RequestOpened:
 
 
 @dataclass(frozen=True, slots=True)
+class JournalsReady:
+    """The files for the journals of so many new matches are open; no more than those begin."""
+
+    n: int
+
+
+@dataclass(frozen=True, slots=True)
 class UnfinishedFound:
     """An earlier process of the pit left an unfinished match."""
 
@@ -100,6 +107,7 @@ Event = (
     | TimePassed
     | RequestTurn
     | RequestOpened
+    | JournalsReady
     | UnfinishedFound
     | Stopped
 )

@@ -3,9 +3,11 @@
 import logging
 import os
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
 from arena.errors import ArenaError, JournalError
+from arena.files import read_file
 from arena.pit.events import UnfinishedFound
 from arena.protocol.codec import encode
 from arena.protocol.messages import JournalPiece, Refusal
@@ -14,18 +16,24 @@ from arena.records.journal import read_journal, whole_part
 logger = logging.getLogger(__name__)
 
 PIECE_BYTES = 50_000
+MOST_SPARE = 8
+_SPARE = ".spare-"
 
 
 class JournalFile:
     """A journal that is being written. Whatever cannot be written raises `ArenaError`."""
 
     def __init__(self, path: Path, n_bytes: int, *, fsync: bool) -> None:
-        self._fsync = fsync
+        self._path, self._name, self._fsync = path, path, fsync
         try:
             self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
             os.ftruncate(self._descriptor, n_bytes)
         except OSError as error:
-            raise ArenaError(f"cannot write a journal: {error.strerror}") from error
+            raise _failure(error) from error
+
+    def rename_when_written(self, name: Path) -> None:
+        """Take another name with the first bytes that are appended; without any, `close` removes the file."""
+        self._name = name
 
     def append(self, data: bytes) -> None:
         """Hand bytes to the system, all or nothing."""
@@ -33,14 +41,63 @@ class JournalFile:
             n_written = os.write(self._descriptor, data)
             if self._fsync:
                 os.fdatasync(self._descriptor)
+            if self._name != self._path and n_written == len(data):
+                self._path = self._path.replace(self._name)
         except OSError as error:
-            raise ArenaError(f"cannot write a journal: {error.strerror}") from error
+            raise _failure(error) from error
         if n_written != len(data):
             raise ArenaError("cannot write a journal: the disk is full")
 
     def close(self) -> None:
         """Close the file as it stands."""
         os.close(self._descriptor)
+        if self._name != self._path:
+            self._path.unlink(missing_ok=True)
+
+
+def _failure(error: OSError) -> ArenaError:
+    return ArenaError(f"cannot write a journal: {error.strerror}")
+
+
+class SpareJournals:
+    """Files that are open for the next matches, so that no match begins whose journal cannot be opened."""
+
+    def __init__(self, folder: Path, *, fsync: bool) -> None:
+        self._folder, self._fsync = folder, fsync
+        self._spare: list[JournalFile] = []
+        self._numbers = count()
+        self._has_failed = False
+        for left in folder.glob(f"{_SPARE}*"):  # by a pit that was killed
+            left.unlink(missing_ok=True)
+
+    def __len__(self) -> int:
+        return len(self._spare)
+
+    def refill(self) -> None:
+        """Open as many as are kept; fewer where the system has no descriptor or no inode left, until it has."""
+        while len(self._spare) < MOST_SPARE:
+            path = self._folder / f"{_SPARE}{next(self._numbers)}"
+            try:
+                spare = JournalFile(path, 0, fsync=self._fsync)
+            except ArenaError as error:
+                if not self._has_failed:
+                    logger.warning("no match begins for now: %s", error)
+                self._has_failed = True
+                return
+            spare.rename_when_written(path.with_suffix(".unused"))
+            self._spare.append(spare)
+        self._has_failed = False
+
+    def take(self, name: str) -> JournalFile:
+        """Return one, which is to have a name once it is written."""
+        journal = self._spare.pop()
+        journal.rename_when_written(self._folder / name)
+        return journal
+
+    def close(self) -> None:
+        """Remove all that no match has taken."""
+        while self._spare:
+            self._spare.pop().close()
 
 
 def read_piece(path: Path, offset: int) -> bytes:
@@ -59,10 +116,13 @@ def find_unfinished(folder: Path) -> Iterator[UnfinishedFound]:
     """Yield the matches that a pit left unfinished."""
     for path in sorted(folder.glob("*.journal")):
         try:
-            whole = whole_part(path.read_bytes())
+            whole = whole_part(read_file(path))
             journal = read_journal(whole)
         except JournalError as error:
             logger.warning("%s cannot be resumed: %s", path.name, error)
+            continue
+        except OSError as error:
+            logger.warning("%s cannot be resumed: %s", path.name, error.strerror)
             continue
         if journal.ending is None and journal.seals is not None:
             yield UnfinishedFound(path.name, journal, journal.seals.entries, len(whole))

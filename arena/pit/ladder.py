@@ -12,7 +12,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol
 
-from arena.errors import JournalError
+from arena.errors import InputError
 from arena.game.types import Team
 from arena.pit.seating import Pairing, Seating
 from arena.pit.seats import SlotId
@@ -160,7 +160,7 @@ def find_uncounted(journals: Path, pit: str, counted: Collection[str]) -> Iterat
             if journal.ending is None or journal.seals is None:
                 continue
             verify(journal)
-        except (JournalError, BrokenChainError) as error:
+        except (InputError, BrokenChainError) as error:
             logger.warning("%s is not counted: %s", path.name, error)
             continue
         header = journal.header

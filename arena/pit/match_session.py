@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from arena.errors import ForgedError, ReplayedError, UnreadableError
-from arena.game.types import Team
+from arena.game.types import Team, Termination
 from arena.match.effects import Ask, End, Publish, Write
 from arena.match.effects import Effect as MatchEffect
 from arena.match.match import Match
@@ -87,6 +87,8 @@ class MatchSession:
         commitment = sign_statement(context.identity, Commitment(match=self.id, digest=commit(self.id, match.header.keys)))
         self._commitment = encode(commitment)
         self._seats_record = write_seats(context.identity.public, entries, commitment.signature)
+        self._unwritten = b""
+        """What the journal begins with, until there is something to write behind it."""
         make_truth = None
         if context.spectator_key is not None:
             salt = new_secret()
@@ -103,10 +105,15 @@ class MatchSession:
         """Whether both seats gave theirs."""
         return all(seat.receipt is not None for seat in self.seats.values())
 
+    @property
+    def has_journal(self) -> bool:
+        """Whether anything was written: a match that is void before its first tick leaves nothing."""
+        return not self._unwritten
+
     def open(self) -> list[Effect]:
-        """Begin the journal."""
-        name = journal_name(self.match.header.identity)
-        return [OpenMatch(self.id, name, 0), Append(self.id, self.match.start_record + self._seats_record)]
+        """Open the channels; the journal is written from the first tick on."""
+        self._unwritten = self.match.start_record + self._seats_record
+        return [OpenMatch(self.id, journal_name(self.match.header.identity), 0)]
 
     def issue_ticket(self, team: Team, caller: Caller) -> Ticket:
         """Give a seat to a caller, under new keys; those of the process that had it before hold no more."""
@@ -150,7 +157,7 @@ class MatchSession:
         except ForgedError:
             return []
         seat.receipt = message
-        return [Append(self.id, write_receipt(team, message))]
+        return [Append(self.id, write_receipt(team, message))] if self.has_journal else []
 
     def advance(self, now_s: float) -> list[Effect]:
         """Let time pass."""
@@ -167,7 +174,7 @@ class MatchSession:
                 if sealed is not None:
                     effects.append(Send(self.id, effect.team, sealed))
             elif type(effect) is Write:
-                effects.append(Append(self.id, effect.data))
+                effects += self._write(effect.data)
             elif type(effect) is Publish:
                 effects.append(self._publish_tick)
             elif type(effect) is End:
@@ -176,8 +183,15 @@ class MatchSession:
 
     def close(self) -> list[Effect]:
         """Sign the journal of a match that is over."""
-        signature = sign_journal(self._context.identity, self.match.head)
-        return [Append(self.id, write_signature(signature)), CloseMatch(self.id)]
+        signature = write_signature(sign_journal(self._context.identity, self.match.head))
+        return [*([Append(self.id, signature)] if self.has_journal else []), CloseMatch(self.id)]
+
+    def _write(self, data: bytes) -> list[Effect]:
+        result = self.match.result
+        if self._unwritten and result is not None and result.ending is Termination.VOID and not self.match.tick:
+            return []
+        data, self._unwritten = self._unwritten + data, b""
+        return [Append(self.id, data)]
 
     def _open(self, team: Team, payload: bytes) -> Message | None:
         seat = self.seats[team]

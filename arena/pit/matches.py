@@ -123,8 +123,8 @@ class Matches:
 
     def give_up_unready(self, now_s: float) -> list[Effect]:
         """Void the match whose seats take longest to get ready, if that is too long: who never plays must not keep others out."""
-        session = max(self._running.values(), key=lambda session: session.match.unready_s(now_s))
-        if session.match.unready_s(now_s) < PATIENCE_S:
+        session = max(self._running.values(), key=lambda session: session.match.unready_s(now_s), default=None)
+        if session is None or session.match.unready_s(now_s) < PATIENCE_S:
             return []
         return self.void(session.id, "was not ready while others waited for room", now_s)
 
@@ -213,7 +213,7 @@ class Matches:
     def _close(self, match: str) -> list[Effect]:
         """Close the journal of a match that is over; it may be seen once its whole fixture is."""
         session = self._closing.pop(match).session
-        return [*session.close(), *self._archive.add(match, session.match.header)]
+        return [*session.close(), *self._archive.add(match, session.match.header if session.has_journal else None)]
 
     def _is_fixture_over(self, names: set[str]) -> bool:
         is_running = any(set(session.names) == names for session in self._running.values())

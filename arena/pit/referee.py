@@ -36,6 +36,7 @@ from arena.pit.events import (
     Event,
     JoinAsked,
     JournalAsked,
+    JournalsReady,
     LobbyAsked,
     PresenceChanged,
     QuestionId,
@@ -44,7 +45,7 @@ from arena.pit.events import (
     Stopped,
     TimePassed,
 )
-from arena.pit.journal_files import JournalFile, find_unfinished, read_piece
+from arena.pit.journal_files import JournalFile, SpareJournals, find_unfinished, read_piece
 from arena.pit.match_session import PitContext
 from arena.pit.register import Register
 from arena.pit.seating import Seating
@@ -99,6 +100,8 @@ class Referee:
             MatchEnded: on_end,
         }
         journals.mkdir(parents=True, exist_ok=True)
+        self._spare_journals = SpareJournals(journals, fsync=fsync)
+        self._refill_journals()
         pit = context.pit
         session.watch_presence(
             topics.all_presence(pit),
@@ -146,6 +149,7 @@ class Referee:
                 for _ in range(self._inbox.qsize()):
                     self._hand_in(self._inbox.get()())
                 next_sweep_s = now_s + _SWEEP_S
+                self._refill_journals()
                 self._hand_in(TimePassed(now_s))
                 self._open_requests()
                 if until():
@@ -154,6 +158,7 @@ class Referee:
     def close(self) -> None:
         """Leave every match as it stands: a later referee can resume it."""
         self._end_heartbeat()
+        self._spare_journals.close()
         if not self._has_failed:  # else the core takes for done what was not
             self._hand_in(Stopped())
 
@@ -223,6 +228,7 @@ class Referee:
     def _open_requests(self) -> None:
         while self._core.may_open_request:
             self._take_actions()  # a turn waits for one request at most
+            self._refill_journals()
             begun_s = time.monotonic()
             self._hand_in(RequestTurn())
             self._hand_in(RequestOpened(time.monotonic() - begun_s))
@@ -230,8 +236,19 @@ class Referee:
     # Effects
 
     def _open_match(self, effect: OpenMatch) -> None:
-        journal = JournalFile(self._journals / effect.journal, effect.n_bytes, fsync=self._fsync)
+        if effect.n_bytes:
+            journal = JournalFile(self._journals / effect.journal, effect.n_bytes, fsync=self._fsync)
+        else:
+            journal = self._spare_journals.take(effect.journal)
         self._channels[effect.match] = MatchChannels(self._session, self._pit, journal, effect.match)
+
+    def _refill_journals(self) -> None:
+        """Tell the core how many matches can begin, whenever that changes by more than the matches that began."""
+        n_before = len(self._spare_journals)
+        self._spare_journals.refill()
+        n_ready = len(self._spare_journals)
+        if n_ready != n_before or not n_ready:
+            self._hand_in(JournalsReady(n_ready))
 
     def _reply_with_journal(self, effect: ReplyWithJournal) -> None:
         self._questions.pop(effect.question).answer(read_piece(self._journals / effect.journal, effect.offset))

@@ -14,6 +14,7 @@ from typing import Any, Protocol, TypeVar
 import msgpack
 
 from arena.errors import InputError, JournalError
+from arena.files import read_file
 from arena.game.ruleset import Ruleset, from_dict, to_dict
 from arena.game.types import RULES_VERSION
 from arena.policy import MatchResult
@@ -138,7 +139,7 @@ def read_ending(data: bytes, kind: str) -> MatchResult:
 def load(path: Path, read: Callable[[bytes], Read]) -> Read:
     """Read a file; errors name it."""
     try:
-        return read(path.read_bytes())
+        return read(read_file(path))
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
     except JournalError as error:

@@ -322,8 +322,10 @@ def load_journal(path: Path) -> Journal:
 
 
 def find_journals(paths: list[Path]) -> Iterator[Path]:
-    """Yield journals: each file as it is, and those in each folder, by name."""
+    """Yield journals: each file as it is, and those in each folder, by name; `InputError` if there is no such file or folder."""
     for path in paths:
+        if not os.path.lexists(path):
+            raise InputError(f"cannot read {path}: {os.strerror(errno.ENOENT)}")
         if path.is_dir():
             found = sorted(path.rglob(f"*{_SUFFIX}"))
             if not found:

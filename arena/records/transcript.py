@@ -29,6 +29,7 @@ from urllib.parse import quote
 import msgpack
 
 from arena.errors import InputError, JournalError, UnreadableError
+from arena.files import read_file
 from arena.game.observation import Observation
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION, Team
@@ -259,8 +260,7 @@ def _read_ending(source: FrameReader, data: bytes) -> MatchResult | None:
 def is_transcript(path: Path) -> bool:
     """Whether a file begins as a transcript does; not so one that cannot be read."""
     try:
-        with path.open("rb") as file:
-            return file.read(len(MAGIC)) in (MAGIC, _FIRST_MAGIC)
+        return read_file(path).startswith((MAGIC, _FIRST_MAGIC))
     except OSError:
         return False
 

@@ -7,9 +7,10 @@ from enum import Enum
 from arena.errors import ForgedError
 from arena.game.types import Team
 from arena.protocol.codec import encode
+from arena.protocol.identity import to_text
 from arena.protocol.messages import Commitment, Receipt, Signed
 from arena.protocol.observation_codec import ObservationWriter, without_clock
-from arena.protocol.signed import check_journal, check_receipt, commit, read_statement
+from arena.protocol.signed import STATEMENT_VERSION, check_journal, check_receipt, commit, read_statement
 from arena.records.journal import Journal, match_id
 from arena.records.replay import replay
 from arena.records.transcript import Head, Transcript
@@ -38,9 +39,14 @@ class Checked:
 
     @property
     def is_sound(self) -> bool:
-        """Whether nothing is forged, and the pit's own word is not against itself."""
+        """Whether nothing is forged, and the pit's own word is not against itself; the pit may not have signed yet."""
         standings = (self.commitment, self.signature, *self.receipts.values())
         return Standing.FORGED not in standings and self.commitment is Standing.HOLDS
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether the pit stands for how the match ended. Without that, anyone can write another ending behind its ticks."""
+        return self.is_sound and self.signature is Standing.HOLDS
 
 
 def watch(journal: Journal) -> list[list[bytes]]:
@@ -64,7 +70,7 @@ def check_seals(journal: Journal) -> Checked | None:
     if seals is None:
         return None
     match = match_id(journal.header.identity)
-    commitment = encode(Commitment(match=match, digest=commit(match, journal.header.keys)))
+    commitment = encode(Commitment(match=match, digest=commit(match, journal.header.keys)), STATEMENT_VERSION)
     shown = watch(journal)
     return Checked(
         commitment=_stands(lambda: read_statement(Signed(data=commitment, signature=seals.commitment), seals.pit_key)),
@@ -82,6 +88,11 @@ def compare(journal: Journal, transcript: Transcript) -> str:
         return f"the transcript is of match {header.match}, the journal of {match}"
     if header.commitment != commit(match, journal.header.keys):
         return "the journal's keys are not those that the pit committed itself to"
+    seals = journal.seals
+    if seals is not None and seals.pit_key != header.pit_key:
+        return f"the transcript is of the pit {to_text(header.pit_key)}, the journal of {to_text(seals.pit_key)}"
+    if seals is not None and seals.entries[header.team] != header.entry_key:
+        return f"the transcript is of the entry {to_text(header.entry_key)}, the journal of {to_text(seals.entries[header.team])}"
     shown, told = watch(journal)[header.team], transcript.ending
     for tick, (seen, (observation, orders)) in enumerate(zip(shown, transcript.ticks, strict=False)):
         if seen != without_clock(observation):

@@ -1,16 +1,18 @@
 """`arena join`: play matches in a pit, by a policy or as a person at the terminal."""
 
 import signal
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from arena.errors import InputError, PolicyError
+from arena.errors import InputError
 from clients.commands.connecting import Authority, trust
 from policies.cli import complete_policy
 
 if TYPE_CHECKING:
+    from arena.policy import BatchFactory
     from clients.audit import Verdict
     from clients.human.turn_mailbox import TurnMailbox
     from clients.seat import Seat
@@ -39,6 +41,11 @@ def join(
     authority: Authority = None,
     audit: Annotated[bool, typer.Option(help="Check each match's journal once it may be seen.")] = True,
     transcripts: Annotated[bool, typer.Option(help="Keep what each seat was shown, for `arena replay show`.")] = True,
+    sandbox: Annotated[bool, typer.Option("--sandbox/--no-sandbox", help="Let the policy see nothing of this machine.")] = False,
+    limit: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=N", help="What it may use, as memory_mb=500; may be repeated.")
+    ] = None,
+    limits_met: Annotated[Path | None, typer.Option(hidden=True, help="File for a line for each limit that it meets.")] = None,
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where transcripts live; your data folder without it.")] = None,
 ) -> None:
     """Play matches in a pit, and print how each ended."""
@@ -48,9 +55,12 @@ def join(
     from arena.keyring.ring import entry_key_path
     from arena.network.address import parse_address
     from arena.protocol.topics import check_chunk
+    from arena.sandbox.limits import BEHIND_A_WALL, NO_LIMITS
     from clients.runner import Runner
     from clients.settings import ClientSettings
+    from policies.registry import OWN
     from policies.registry import load as load_policy
+    from policies.workers.policy import WorkerFactory
 
     if team not in ("red", "blue", "any"):
         raise InputError(f"--team is {team!r}; it must be red, blue or any")
@@ -60,7 +70,16 @@ def join(
     mailbox = _make_mailbox(autopilot, slots) if is_human else None
     if autopilot and mailbox is None:
         raise InputError("--autopilot is for --policy human")
-    make = load_policy(f"exec:{program}" if program else policy) if mailbox is None else mailbox.make
+    spec = f"exec:{program}" if program else policy
+    workers = None
+    make: BatchFactory
+    if mailbox is not None:
+        make = mailbox.make
+    elif spec in OWN and not sandbox:
+        make = load_policy(spec)
+    else:
+        limits = (BEHIND_A_WALL if sandbox else NO_LIMITS).with_(limit or ())
+        make = workers = WorkerFactory(spec, has_wall=sandbox, limits=limits, n_spare=slots, on_limit=partial(_note, limits_met))
     entry = check_chunk("the name", name or Path((program.split() or [policy])[0] if program else policy).stem)
     settings = ClientSettings(
         endpoint=where.endpoint,
@@ -71,7 +90,7 @@ def join(
         n_matches=None if forever else matches,
         n_slots=slots if forever else min(slots, matches),
         patience_s=patience,
-        is_patient=is_human,
+        is_patient=is_human or workers is not None,
         rules_hash=load_rules(rules).hash if rules else "",
         identity=load_or_make(entry_key_path(entry)) if key is None else load(key),
         invite=invite,
@@ -92,10 +111,23 @@ def join(
 
     runner = Runner(settings, on_seat=_print_seat, on_end=_print_result, on_wait=on_wait)
     signal.signal(signal.SIGTERM, lambda *_: runner.stop())
-    try:
+    if workers is None:
         runner.run()
-    except PolicyError as error:
-        raise PolicyError(f"{policy}: {error}") from error
+        return
+    try:
+        workers.prepare()
+        workers.wake = runner.wake
+        runner.run()
+    finally:
+        workers.close()
+
+
+def _note(file: Path | None, limit: str) -> None:
+    """Say that the policy met a limit, and leave word for whoever started this client."""
+    typer.echo(f"the policy met its limit of {limit}", err=True)
+    if file is not None:
+        with file.open("a", encoding="utf-8") as notes:
+            notes.write(f"{limit}\n")
 
 
 def _make_mailbox(autopilot: str, slots: int) -> "TurnMailbox":

@@ -16,6 +16,7 @@ from safetensors.torch import save
 from torch import Tensor, nn
 
 from arena.errors import ArenaError, PolicyError
+from arena.files import check_file
 from arena.game.ruleset import Ruleset
 from arena.game.types import Code
 from policies.networks.features import FEATURES_VERSION
@@ -134,7 +135,7 @@ def read_manifest(path: Path) -> Manifest:
         The file is not there, is no checkpoint, or is one of another version.
     """
     try:
-        size = path.stat().st_size
+        size = check_file(path, MOST_BYTES * MOST_AGENTS)
         with safe_open(path, "pt") as file:  # reads no more than what stands before the tensors
             text = (file.metadata() or {}).get(_KEY)
     except OSError as error:

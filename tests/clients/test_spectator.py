@@ -26,7 +26,7 @@ from arena.protocol.codec import decode, encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Ended, Message, Orders, PublicState, Signed, Truth
 from arena.protocol.sealing import truth_sealer
-from arena.protocol.signed import commit, sign_statement
+from arena.protocol.signed import STATEMENT_VERSION, commit, sign_statement
 from arena.records.journal import Header, match_id, read_journal
 from arena.records.replay import replay
 from clients.spectator import MOST_CLOSED, SALT_BYTES, Frame, Spectator, watch
@@ -231,7 +231,7 @@ def test_facts_of_another_number_of_teams_are_refused(show: Show, changes: dict[
 def test_an_ending_that_another_signed_or_of_another_match_is_refused(show: Show) -> None:
     signed = decode(show.public[-1])
     assert isinstance(signed, Signed)
-    ended = decode(signed.data)
+    ended = decode(signed.data, STATEMENT_VERSION)
     assert isinstance(ended, Ended)
     for forged in (
         sign_statement(STRANGER, ended),

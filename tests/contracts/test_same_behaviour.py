@@ -133,7 +133,7 @@ def test_every_fighter_plays_a_shipped_ruleset_as_before(name: str, plan: Plan, 
     ]
 
     told = sorted(tell(record) for record in play(rules, plans, load, journals=tmp_path, n_workers=1))
-    checked = here("replay", "verify", tmp_path, "--json")
+    checked = here("replay", "verify", "--local", tmp_path, "--json")
 
     hashes = {Path(one["file"]).name: one["canonical_hash"] for one in json.loads(checked.stdout) if one["ok"]}
     lines = [f"{line} {hashes[line.partition(' ')[0].replace('/', '+') + '.journal']}" for line in told]

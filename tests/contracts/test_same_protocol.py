@@ -144,10 +144,13 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
     "no seat": (Refusal(reason="the name is another's"),),
     "no more matches": (Closed(reason="all is played"),),
     "a seat listens": (Ready(known_ticks=0), Ready(known_ticks=300)),
-    "an observation": (Turn(tick=0, observation=b""), Turn(tick=70_000, observation=bytes(range(256)))),
+    "an observation": (
+        Turn(tick=0, observation=b""),
+        Turn(tick=70_000, observation=bytes(range(256)), charged_us=1_250_000),
+    ),
     "what was missed": (
-        History(first_tick=0, observations=[], orders=[]),
-        History(first_tick=3, observations=[b"one", b"two"], orders=[b"\x01\x02", b"\x00\xff"]),
+        History(first_tick=0, observations=[], orders=[], end_tick=0),
+        History(first_tick=3, observations=[b"one", b"two"], orders=[b"\x01\x02", b"\x00\xff"], end_tick=9),
     ),
     "orders": (Orders(tick=0, actions=b""), Orders(tick=12, actions=b"\x00\x01\x02\x03\x04\xff")),
     "a signed message": (Signed(data=b"data", signature=SIGNATURE),),
@@ -178,10 +181,10 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
     ),
 }  # fmt: skip
 UNREADABLE = (
-    b"", b"\xc1", b"\x93", b"\x90", b"\x93\x03\xa1a", b"\x92\x02\x00", b"\x92\x03\x63", b"\x92\x03\x01", b"\x93\x03\x02\xa1a",
-    b"\x94\x03\x02\xc4\x01a\x01", bytes(MOST_BYTES + 1),
+    b"", b"\xc1", b"\x93", b"\x90", b"\x93\x04\xa1a", b"\x92\x03\x00", b"\x92\x04\x63", b"\x92\x04\x01", b"\x93\x04\x02\xa1a",
+    b"\x94\x04\x02\xc4\x01a\x01", bytes(MOST_BYTES + 1),
 )  # fmt: skip
-"""As version 3 reads them: none, no msgpack, cut short, of another version, of no kind, of other fields."""
+"""As version 4 reads them: none, no msgpack, cut short, of another version, of no kind, of other fields."""
 
 
 def say(check: Callable[..., object], *arguments: object) -> str:

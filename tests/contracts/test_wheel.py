@@ -130,7 +130,7 @@ def test_with_the_lowest_versions_a_league_is_played_over_the_network_and_report
     assert done.returncode == 0, done.stderr
     assert "2 matches" in done.stdout
     assert (tmp_path / "reports" / "lowest.html").is_file()
-    verified = installed.arena("replay", "verify", tmp_path / "journals" / "lowest")
+    verified = installed.arena("replay", "verify", "--local", tmp_path / "journals" / "lowest")
     assert verified.returncode == 0, verified.stdout + verified.stderr
     journal = next((tmp_path / "journals").rglob("*.journal"))
     drawn = installed.arena("replay", "export", journal, "--gif", "--out", tmp_path / "match.gif")

@@ -72,12 +72,12 @@ def run_league(
     from arena.folders import data_folder
     from tournaments.league.file import load_league
     from tournaments.league.league import VENUES
-    from tournaments.league.limits import NO_LIMITS
     from tournaments.reports.formats import render, save
     from tournaments.reports.report import make_report
     from tournaments.running.preflight import check_entries
     from tournaments.running.progress import is_over
     from tournaments.running.scheduler import Folders, Scheduler
+    from tournaments.running.slots import choose_slots, explain_slots
     from tournaments.store.store import Store
 
     chosen = load_league(league)
@@ -87,11 +87,15 @@ def run_league(
     folders = Folders(data=data_folder(data))
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # end the processes of the league, too
     with Store(db or str(folders.data / "arena.db")) as store:
+        think_s: dict[str, float] = {}
         if not is_over(store, chosen):
-            limits = chosen.limits if venue == "network" else NO_LIMITS
-            check_entries(chosen.entries, chosen.ruleset, folders.homes(chosen.name), limits)
+            think_s = check_entries(chosen.entries, chosen.ruleset, chosen.sandboxes)
+        slots = chosen.slots or choose_slots(think_s, chosen.time_control)
+        why = explain_slots(slots, think_s) if chosen.slots is None and venue == "network" else ""
         with Scheduler(chosen, store, folders) as scheduler:
-            _play_league(scheduler, venue, f"{chosen.name} ({venue})", is_for_machines=is_for_machines)
+            if why and not is_for_machines:
+                typer.echo(why, err=True)
+            _play_league(scheduler, venue, f"{chosen.name} ({venue})", slots, is_for_machines=is_for_machines)
             report = make_report(scheduler.row, store.outcomes(scheduler.row), scheduler.secret)
     journals, page = folders.journals(chosen.name), folders.reports / f"{chosen.name}.html"
     save(page, render(report, "html", page, journals))
@@ -102,7 +106,7 @@ def run_league(
         typer.echo(f"report:   {page}\njournals: {journals}", err=form != "text")
 
 
-def _play_league(scheduler: "Scheduler", venue: str, title: str, *, is_for_machines: bool) -> None:
+def _play_league(scheduler: "Scheduler", venue: str, title: str, slots: int, *, is_for_machines: bool) -> None:
     """Play what is left, and say how it goes."""
     from tournaments.venues.table import find_venue
 
@@ -127,7 +131,7 @@ def _play_league(scheduler: "Scheduler", venue: str, title: str, *, is_for_machi
     bar = nullcontext() if is_for_machines else progress_bar(n_matches - n_done, title)
     try:
         with stdout_to_stderr(), bar as advance:
-            for outcome in scheduler.run(find_venue(venue), invite):
+            for outcome in scheduler.run(find_venue(venue), slots, invite):
                 if advance is not None:
                     advance(1)
                 else:

@@ -73,12 +73,13 @@ def _entries(one: str, other: str) -> dict[str, str]:
 
 
 def _ruleset(rules: str, settings: list[str], board: Path | None) -> "Ruleset":
+    from arena.files import read_text
     from arena.game.ruleset import load, parse_overrides
 
     overrides = parse_overrides(settings)
     if board is not None:
         try:
-            overrides["board"] = board.read_text(encoding="utf-8")
+            overrides["board"] = read_text(board)
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "it is not text"
             raise InputError(f"cannot read the board {board}: {reason}") from error

@@ -4,6 +4,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from arena.errors import InputError
+from arena.files import read_file
 from arena.protocol.identity import from_text
 from policies.program import PREFIX as PROGRAM
 
@@ -16,6 +17,11 @@ FILES = {".py": "bot file", ".safetensors": "checkpoint"}
 def kind_of_file(spec: str) -> str | None:
     """Return in words what kind of file a fighter is; None if it is no file."""
     return None if spec.startswith((PROGRAM, REMOTE)) else FILES.get(Path(spec).suffix)
+
+
+def is_strangers(spec: str) -> bool:
+    """Whether a fighter is code or weights that neither ship with the arena nor were installed with a package."""
+    return kind_of_file(spec) is not None or spec.startswith(PROGRAM)
 
 
 def name_of(spec: str) -> str:
@@ -41,6 +47,6 @@ def fingerprint_of(spec: str) -> str:
         return spec
     path = Path(spec)
     try:
-        return f"{path.name} {sha256(path.read_bytes()).hexdigest()}"
+        return f"{path.name} {sha256(read_file(path)).hexdigest()}"
     except OSError as error:
         raise InputError(f"cannot read the {kind} {spec}: {error.strerror}") from error

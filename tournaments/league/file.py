@@ -12,23 +12,25 @@ from pathlib import Path
 from typing import Any
 
 from arena.errors import InputError, UnknownNameError
+from arena.files import read_text
 from arena.game.keys import KEY_BYTES
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.match.time_control import TimeControl
 from arena.protocol.topics import is_chunk
+from arena.sandbox.limits import MOST, Limits
 from policies.program import PREFIX as PROGRAM
 from policies.registry import names
 from tournaments.league.entries import kind_of_file, name_of, public_key_of
 from tournaments.league.league import BOUNDS, DEFAULT_TERMS, MAPS, PAIRINGS, VENUES, League, LeagueError
-from tournaments.league.limits import Limits
 from tournaments.ratings.sprt import Sprt
 
 LEAGUES = ("starter", "fighters", "fighters-gym-cap")
 MOST_PAIRS = 1_000_000
+SANDBOXES = ("bubblewrap", "none")
 _KEYS = (
     "name", "ruleset", "rules", "pairs", "pairing", "challenger", "sprt", "maps", "seed", "secret", "venue", "listen",
-    "turn_time_s", "bank_s", "grace_s", "slots", "limits", "entries",
+    "turn_time_s", "bank_s", "grace_s", "slots", "sandbox", "trusted", "limits", "entries",
 )  # fmt: skip
 _BOUNDS = {"elo0": 0.0, "elo1": 50.0}
 _MOST_ELO = 2_000.0
@@ -49,7 +51,7 @@ def load_league(name_or_file: str) -> League:
         return parse_league(text, name_or_file, Path())
     path = Path(name_or_file)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except OSError as error:
         raise LeagueError(f"cannot read the league {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -111,7 +113,9 @@ class _Reader:
             venue=self._one_of("venue", VENUES),
             listen=self._listen(),
             time_control=time_control,
-            slots=self._whole("slots", League.slots, 1, 256) or 1,
+            slots=self._whole("slots", League.slots, 1, 256),
+            has_walls=self._one_of("sandbox", SANDBOXES) != "none",
+            trusted=self._trusted(entries),
             limits=self._limits(),
         )
         self._check_strangers(league)
@@ -141,9 +145,19 @@ class _Reader:
         for name, value in given.items():
             if name not in known:
                 raise UnknownNameError(f"limit of league {self._name}", name, known)
-            if type(value) is not int or value < 1:
-                raise self._error(f"says {name} = {_toml(value)} in its limits; it must be a whole number above 0")
+            if type(value) is not int or not 1 <= value <= MOST:
+                raise self._error(f"says {name} = {_toml(value)} in its limits; it must be a whole number from 1 to {MOST}")
         return Limits(**given)
+
+    def _trusted(self, entries: Mapping[str, str]) -> frozenset[str]:
+        """Return the entries that need no wall, which says something of files and programs alone."""
+        given = self._values.get("trusted", [])
+        if not isinstance(given, list):
+            raise self._error(f"says trusted = {_toml(given)}; it must be a list of entries' names")
+        for name in given:
+            if name not in entries:
+                raise UnknownNameError(f"entry that league {self._name} trusts", str(name), entries)
+        return frozenset(given)
 
     def _one_of(self, key: str, known: tuple[str, ...]) -> str:
         value = self._values.get(key, known[0])

@@ -1,5 +1,6 @@
 """A league: who meets whom under which rules, never changed after. `tournaments.league.file` reads one."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,8 +9,9 @@ from typing import Any
 from arena.errors import InputError
 from arena.game.ruleset import Ruleset
 from arena.match.time_control import TimeControl
-from tournaments.league.entries import fingerprint_of, public_key_of
-from tournaments.league.limits import NO_LIMITS, Limits
+from arena.sandbox.limits import BEHIND_A_WALL, NO_LIMITS, Limits
+from arena.sandbox.process import Sandbox
+from tournaments.league.entries import fingerprint_of, is_strangers, public_key_of
 from tournaments.ratings.sprt import Sprt
 
 VENUES = ("network", "local", "ray")
@@ -45,16 +47,29 @@ class League:
     listen: str = ""
     """Endpoint of the pit in the venue `network`, as Zenoh writes it; any free port of loopback without it."""
     time_control: TimeControl = DEFAULT_TERMS
-    slots: int = 8
-    """Seats that the process of an entry holds at once."""
+    slots: int | None = None
+    """Seats that the process of an entry holds at once; None takes as many as this machine can think for."""
+    has_walls: bool = True
+    """Whether strangers' fighters play behind walls, in the venue `network`."""
+    trusted: frozenset[str] = frozenset()
+    """Entries that are files or programs, and need no wall."""
     limits: Limits = NO_LIMITS
-    """For each process of an entry, in the venue `network`."""
+    """For each process of a stranger's fighter, in the venue `network`; what is None there is as behind every wall."""
 
     @cached_property
     def remote(self) -> Mapping[str, bytes]:
         """The public keys of the entries that join by themselves."""
         keys = {name: public_key_of(spec) for name, spec in self.entries.items()}
         return {name: key for name, key in keys.items() if key is not None}
+
+    @cached_property
+    def sandboxes(self) -> Mapping[str, Sandbox]:
+        """Where the fighters run that are files or programs, in the venue `network`, by entry."""
+        return {name: self._sandbox(name) for name, spec in self.entries.items() if is_strangers(spec)}
+
+    def _sandbox(self, name: str) -> Sandbox:
+        has_wall = self.has_walls and name not in self.trusted
+        return Sandbox(has_wall=has_wall, limits=(BEHIND_A_WALL if has_wall else NO_LIMITS).with_(self.limits.assignments()))
 
     @cached_property
     def definition(self) -> dict[str, Any]:
@@ -77,6 +92,12 @@ class League:
                 raise LeagueError(
                     f'league {self.name} names {name} by its key, and who joins by itself can only come to venue = "network"'
                 )
+        strangers = [name for name, spec in self.entries.items() if is_strangers(spec) and name not in self.trusted]
+        if venue != "network" and strangers:
+            raise LeagueError(
+                f'league {self.name} plays {" and ".join(strangers)} in venue = "{venue}", where a fighter could read and write '
+                f'what all others think; if you trust them, write trusted = {json.dumps(strangers)}, else venue = "network"'
+            )
 
 
 BOUNDS = ("elo0", "elo1", "alpha", "beta")

@@ -4,7 +4,10 @@ from pathlib import Path
 
 from arena.errors import InputError
 from arena.game.ruleset import RULESETS
+from arena.sandbox.limits import BEHIND_A_WALL
 from tournaments.league.league import DEFAULT_TERMS, League
+
+LIMITS = "".join(f"# {line.replace('=', ' = ')}\n" for line in BEHIND_A_WALL.assignments())
 
 TEMPLATE = f"""\
 # A league: arena tournament run THIS.toml
@@ -18,7 +21,8 @@ pairs = {League.n_pairs}                # of each fixture; a pair is two matches
 pairing = "round-robin"   # or "gauntlet", with challenger = "NAME": one against all others; or "sprt", see below
 maps = "paired"           # or "fresh": no map twice, for programs and others who remember from match to match
 venue = "network"         # every entry and the referee a process of its own
-                          # or "local": all in one process, no clock; or "ray": local, spread over a cluster
+                          # or "local": all in one process, no clock; or "ray": local, spread over a cluster: both for
+                          # fighters that one trusts, since they could read and write what the others think
 # listen = "tcp/0.0.0.0:7447"   # where entries join that come by themselves; a free port of this machine alone without it
 
 # seed = 1                # makes the league reproducible, and guessable by anyone; without it, a secret is made and kept
@@ -26,17 +30,18 @@ venue = "network"         # every entry and the referee a process of its own
 turn_time_s = {DEFAULT_TERMS.turn_time_s}         # for each turn; 0 runs no clock
 bank_s = {DEFAULT_TERMS.bank_s}             # extra time of a seat, for a whole match
 grace_s = {DEFAULT_TERMS.grace_s}            # how long a seat may be away in a match
-slots = {League.slots}                 # matches that an entry plays at once
+# slots = 8               # matches that an entry plays at once; as many as this machine can think for without it
+
+sandbox = "bubblewrap"    # files and programs play behind a wall, where nothing of this machine is to be seen; or "none"
+# trusted = ["mine"]      # entries that need no wall
 
 # [rules]                 # what differs from the ruleset, as `arena rules paper` shows it
 # tick_limit = 150
 # [rules.units.ugv]
 # sight = 5
 
-# [limits]                # of each process of an entry, for fighters that others wrote; "network" only
-# memory_mb = 6000
-# cpu_s = 3600
-
+# [limits]                # of each process of a file or program; "network" only
+{LIMITS}
 # [sprt]                  # pairing = "sprt": is the first of two entries, or challenger = "NAME", better than the other?
 # elo0 = 0                # "no": at most so much better, in Elo
 # elo1 = 50               # "yes": at least so much better; the nearer both are, the more pairs it takes

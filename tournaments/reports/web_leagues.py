@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from arena.errors import ArenaError, InputError, JournalError
+from arena.files import read_file
 from arena.records.journal import journal_name
 from arena.records.plan import LeagueMatchId
 from tournaments.reports.leaderboard import as_web_table
@@ -81,7 +82,7 @@ class Leagues:
         try:
             if path.stat().st_size > _MOST_BYTES:
                 raise JournalError(f"the journal {path.name} is too long to be one")
-            return path.read_bytes()
+            return read_file(path)
         except OSError as error:
             raise JournalError(f"the journal {path.name} cannot be read: {error.strerror}") from error
 

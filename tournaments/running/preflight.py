@@ -1,153 +1,126 @@
 """Try every entry once before a league begins: who cannot start is named before anything is played or stored.
 
-A fighter that is not ours is tried in a process of its own, at home and under its limits, as it will be in a match: it is loaded,
-made for one seat and told that a match begins. A program is asked for its first orders too, since it has no other way to say that
-it is there. Under limits, a Zenoh session is opened beside it, since that takes its share of them. What a fighter answers is not
-judged; that is counted in the matches.
+A fighter that is not a script of ours is tried as it will play: in a process of its own, under its limits, behind its wall. It is
+loaded, told that a match begins, and asked for some turns, which are timed. What it answers is not judged; that is counted in the
+matches.
 """
 
-import json
-import sys
-import tempfile
 import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
-from pathlib import Path
-from subprocess import TimeoutExpired
-from threading import Event
+from statistics import median
+from threading import Lock
 
 import numpy as np
 
 from arena.errors import ArenaError, InputError, PolicyError
 from arena.game.engine import BatchedGame
-from arena.game.keys import MatchKeys
-from arena.game.ruleset import Ruleset, from_dict, to_dict
+from arena.game.keys import KEY_BYTES, MatchKeys
+from arena.game.ruleset import Ruleset
 from arena.game.types import Team
+from arena.sandbox.limits import NO_LIMITS
+from arena.sandbox.process import Sandbox
 from policies.program import PREFIX as PROGRAM
-from policies.registry import OWN, load
+from policies.registry import OWN
+from policies.workers.policy import WorkerFactory
 from tournaments.league.entries import public_key_of
-from tournaments.league.limits import NO_LIMITS, Limits
-from tournaments.venues.sandbox import SandboxedProcess
 
 PATIENCE_S = 60.0
 """What is not ready to play by then is taken not to be at all; a large network is loaded in it."""
 _AT_ONCE = 4
-"""Processes; most of a start is waiting for the disk."""
-_POLL_S = 0.1
-_MOST_LETTERS = 300
-_SAYS = "arena: "
-"""Begins the line in which the process says how it went; whatever else it says is the fighter's."""
-_READY = "ready"
+"""Fighters that are loaded; most of a start is waiting for the disk."""
+_MOST_TURNS, _MOST_S = 12, 2.0
+"""Of a trial, after its first turn."""
+_TRUSTED = Sandbox(has_wall=False, limits=NO_LIMITS)
 
 
 def check_entries(
-    entries: Mapping[str, str], ruleset: Ruleset, homes: Path, limits: Limits = NO_LIMITS, *, patience_s: float = PATIENCE_S
-) -> None:
-    """Return if every entry can start.
+    entries: Mapping[str, str], ruleset: Ruleset, sandboxes: Mapping[str, Sandbox], *, patience_s: float = PATIENCE_S
+) -> dict[str, float]:
+    """Return how long each entry thinks, in seconds a turn, if all can start; scripts of ours take none that matters.
 
     Parameters
     ----------
-    homes
-        Folder for the homes of the entries' processes.
-    limits
-        For each process. If there are any, our own fighters are tried in one too.
+    sandboxes
+        Where fighters run that are files or programs, by entry.
 
     Raises
     ------
     InputError
-        Some cannot; the text has a line for each.
+        Some cannot start, and the text has a line for each; or no sandbox can be made on this machine.
     """
-    names_of: dict[str, list[str]] = {}
+    for sandbox in set(sandboxes.values()):
+        sandbox.check()
+    tried: dict[tuple[str, Sandbox], list[str]] = {}
     for name, spec in sorted(entries.items()):
-        if public_key_of(spec) is None:
-            names_of.setdefault(spec, []).append(name)
-    strangers = [spec for spec in names_of if spec not in OWN or limits != NO_LIMITS]
-    is_over = Event()
+        if public_key_of(spec) is None and spec not in OWN:
+            tried.setdefault((spec, sandboxes.get(name, _TRUSTED)), []).append(name)
+    trials = [_Trial(spec, sandbox, ruleset, patience_s) for spec, sandbox in tried]
+    turn = Lock()
     with ThreadPoolExecutor(_AT_ONCE) as pool:
         try:
-            whys = pool.map(lambda spec: _try(spec, ruleset, homes / names_of[spec][0], limits, patience_s, is_over), strangers)
-            failures = [
-                f"{name} cannot start: {why}" for spec, why in zip(strangers, whys, strict=True) if why for name in names_of[spec]
-            ]
+            list(pool.map(lambda trial: trial.run(turn), trials))
         finally:
-            is_over.set()  # whoever interrupts it waits for nobody
+            for trial in trials:
+                trial.stop()  # whoever interrupts it waits for nobody
+    named = list(zip(trials, tried.values(), strict=True))
+    failures = [f"{name} cannot start: {trial.why_not}" for trial, names in named if trial.why_not for name in names]
     if failures:
         raise InputError("\n".join(sorted(failures)))
+    return {name: trial.think_s for trial, names in named for name in names}
 
 
-def _try(spec: str, ruleset: Ruleset, home: Path, limits: Limits, patience_s: float, is_over: Event) -> str:
-    """Return why a fighter cannot start, or nothing; nothing is worth waiting for once `is_over`."""
-    if is_over.is_set():
-        return ""
-    rules = [ruleset.name, json.dumps(to_dict(ruleset))]
-    command = [
-        sys.executable,
-        "-P",
-        "-m",
-        "tournaments.running.preflight",
-        spec,
-        *rules,
-        *(["limited"] if limits != NO_LIMITS else []),
-    ]
-    with tempfile.TemporaryFile() as log:
-        sandboxed = SandboxedProcess(command, limits, home, log)
-        code, give_up_at_s = None, time.monotonic() + patience_s
+class _Trial:
+    """Loads a fighter, and times its turns."""
+
+    def __init__(self, spec: str, sandbox: Sandbox, ruleset: Ruleset, patience_s: float) -> None:
+        self._spec, self._ruleset = spec, ruleset
+        self._factory = WorkerFactory(spec, has_wall=sandbox.has_wall, limits=sandbox.limits, patience_s=patience_s)
+        self._is_stopped = False
+        self.why_not = ""
+        """Why it cannot start."""
+        self.think_s = 0.0
+
+    def stop(self) -> None:
+        """End it, however far it is; from another thread."""
+        self._is_stopped = True
+        self._factory.close()
+
+    def run(self, turn: Lock) -> None:
+        """Try the fighter; its turns are timed while no other's are."""
+        if self._is_stopped:
+            return
         try:
-            while code is None and not is_over.is_set() and time.monotonic() < give_up_at_s:
-                with suppress(TimeoutExpired):
-                    code = sandboxed.process.wait(_POLL_S)
+            self._factory.prepare()
+            with turn:
+                self.think_s = self._time()
+        except ArenaError as error:
+            self.why_not = str(error).partition(" cannot start: ")[2] or str(error)
         finally:
-            sandboxed.end(0)
-        log.seek(0)
-        lines = [line.strip() for line in log.read().decode("utf-8", "replace").splitlines() if line.strip()]
-    said = [line.removeprefix(_SAYS) for line in lines if line.startswith(_SAYS)]
-    if said:
-        return "" if said[-1] == _READY else said[-1][:_MOST_LETTERS]
-    if code is None:
-        return f"it was not ready after {patience_s:g} s"
-    last = f"; the last it said: {lines[-1][:_MOST_LETTERS]}" if lines else ""
-    return f"its process ended before it was ready, with exit code {code}{last}"
+            self._factory.close()
 
+    def _time(self) -> float:
+        fighter = self._factory(self._ruleset, Team.BLUE, 1)
+        fighter.start(np.arange(1))
+        self._raise_if_it_failed(fighter.take_faults(0).first_traceback)
+        games = BatchedGame(self._ruleset, 1)
+        games.start([0], [MatchKeys(map_key=bytes(KEY_BYTES), match_key=bytes(KEY_BYTES))])
+        n_blue, n_red = (games.n_units[team] for team in Team)
+        took_s: list[float] = []
+        until_s = time.monotonic() + _MOST_S
+        while len(took_s) <= _MOST_TURNS and not games.has_ended(0) and (len(took_s) < 2 or time.monotonic() < until_s):
+            orders = np.zeros((1, n_blue), np.int8)
+            begun_s = time.monotonic()
+            fighter.act(games.observe()[Team.BLUE], orders)
+            took_s.append(time.monotonic() - begun_s)
+            failure = fighter.take_faults(0).first_traceback
+            if failure is not None:
+                if self._spec.startswith(PROGRAM) and len(took_s) == 1:  # which has no other way to say that it is there
+                    self._raise_if_it_failed(failure)
+                break
+            games.play(np.concatenate([np.maximum(orders, 0), np.zeros((1, n_red), np.int8)], axis=1))
+        return median(took_s[1:-1] or took_s[:1])
 
-def main() -> None:
-    """Start a fighter, and say how it went; in the new process."""
-    spec, name, rules, *is_limited = sys.argv[1:]
-    try:
-        if is_limited:
-            _open_session()
-        _start(spec, from_dict(name, json.loads(rules)))
-    except ArenaError as error:
-        words = " ".join(str(error).split())
-    except MemoryError:
-        words = "it takes more memory than its limits leave"
-    except Exception as error:  # noqa: BLE001 - a stranger's code may raise anything
-        words = " ".join(f"{type(error).__name__}: {error}".split())
-    else:
-        words = _READY
-    raise SystemExit(f"\n{_SAYS}{words}")
-
-
-def _open_session() -> None:
-    """Load what a client loads, and open a session until the process ends."""
-    import clients.runner  # noqa: F401
-    from arena.network.session import free_port, open_router
-
-    open_router(f"tcp/127.0.0.1:{free_port()}", "preflight")
-
-
-def _start(spec: str, ruleset: Ruleset) -> None:
-    fighter = load(spec)(ruleset, Team.BLUE, 1)
-    fighter.start(np.arange(1))
-    first = fighter.take_faults(0).first_traceback
-    if first is None and spec.startswith(PROGRAM):
-        games = BatchedGame(ruleset, 1)
-        games.start([0], [MatchKeys(map_key=bytes(32), match_key=bytes(32))])
-        fighter.act(games.observe()[Team.BLUE], np.zeros((1, games.n_units[Team.BLUE]), np.int8))
-        first = fighter.take_faults(0).first_traceback
-    if first is not None:
-        raise PolicyError(first.strip().splitlines()[-1])
-
-
-if __name__ == "__main__":
-    main()
+    def _raise_if_it_failed(self, traceback: str | None) -> None:
+        if traceback is not None:
+            raise PolicyError(traceback.strip().splitlines()[-1])

@@ -92,11 +92,13 @@ class Scheduler:
         """Matches that are stored."""
         return len(self._done)
 
-    def run(self, play: Venue, on_open: Callable[[Mapping[str, str]], None] | None = None) -> Iterator[Outcome]:
+    def run(self, play: Venue, slots: int, on_open: Callable[[Mapping[str, str]], None] | None = None) -> Iterator[Outcome]:
         """Play what is left, and yield each match once it is stored.
 
         Parameters
         ----------
+        slots
+            Seats that the process of an entry holds at once.
         on_open
             Told with which command each entry joins that comes by itself, as soon as it can, and again after a break.
 
@@ -107,9 +109,9 @@ class Scheduler:
         """
         league = self._league
         setting = VenueSetting(
-            ruleset=league.ruleset, entries=league.entries, time_control=league.time_control, slots=league.slots,
+            ruleset=league.ruleset, entries=league.entries, time_control=league.time_control, slots=slots,
             journals=self._folders.journals(league.name), keys=self._folders.keys / league.name,
-            homes=self._folders.homes(league.name), limits=league.limits, remote=league.remote, listen=league.listen,
+            homes=self._folders.homes(league.name), sandboxes=league.sandboxes, remote=league.remote, listen=league.listen,
         )  # fmt: skip
         if on_open is not None:
             setting = replace(setting, on_open=on_open)

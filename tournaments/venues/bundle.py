@@ -10,6 +10,7 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 from arena.errors import InputError
+from arena.files import read_file
 from tournaments.league.entries import kind_of_file
 
 
@@ -50,7 +51,7 @@ def pack(specs: Mapping[str, str]) -> Bundle:
         kind = kind_of_file(spec)
         if kind is not None:
             try:
-                files[spec] = Path(spec).read_bytes()
+                files[spec] = read_file(Path(spec))
             except OSError as error:
                 raise InputError(f"cannot read the {kind} {spec}: {error.strerror}") from error
     return Bundle(specs=dict(specs), files=files)

@@ -1,10 +1,11 @@
 """The venue `network`: the real pit, a referee and every entry a process of its own, Zenoh between them."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
+from arena.game.types import Team
 from arena.keyring.files import load_or_make
 from arena.network.address import Address
 from arena.network.session import free_port
@@ -51,7 +52,7 @@ def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]
         referee = processes.enter_context(RefereeProcess(replace(setting, on_open=ignore_invitations), address, entries))
         referee.start(list(left.values()))
         setting.on_open(invitations(setting, address))
-        clients = [processes.enter_context(ClientProcess(setting, address.from_here(), name)) for name in ours]
+        clients = {name: processes.enter_context(ClientProcess(setting, address.from_here(), name)) for name in ours}
         while left:
             is_gone = False
             try:
@@ -63,9 +64,19 @@ def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]
                 ended = list(find_ended(setting.journals, setting.ruleset, left.values()))
             for outcome in ended:
                 if left.pop(outcome.identity, None) is not None:
-                    yield outcome
+                    yield _with_limits_met(outcome, clients)
             if is_gone and left:
                 referee.start(list(left.values()))
             n_left = Counter(name for plan in left.values() for name in (plan.blue, plan.red))
-            for client in clients:
-                client.keep_alive(n_left[client.name])
+            for name, client in clients.items():
+                client.keep_alive(n_left[name])
+
+
+def _with_limits_met(outcome: Outcome, clients: Mapping[str, ClientProcess]) -> Outcome:
+    """Return an outcome with the limits among its faults that its fighters met since the outcome before."""
+    seats = {
+        team: replace(outcome.seats[team], faults={**outcome.seats[team].faults, **clients[name].take_limits_met()})
+        for team, name in ((Team.BLUE, outcome.blue), (Team.RED, outcome.red))
+        if name in clients
+    }
+    return replace(outcome, seats={**outcome.seats, **seats})

@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -17,6 +18,7 @@ from pathlib import Path
 
 from arena.errors import ArenaError, InputError
 from arena.game.engine import warm
+from arena.jit import cache_root
 from arena.keyring.files import load_or_make
 from arena.local.workers import follow_parent
 from arena.match.match import SeatRecord
@@ -28,8 +30,9 @@ from arena.pit.referee import Referee
 from arena.pit.register import Register
 from arena.pit.seating import PlannedSeating
 from arena.records.plan import MatchPlan
+from arena.sandbox.limits import NO_LIMITS
+from arena.sandbox.process import Sandbox, SandboxedProcess
 from tournaments.outcome import Outcome, SeatOutcome
-from tournaments.venues.sandbox import SandboxedProcess
 from tournaments.venues.setting import VenueSetting
 
 MOST_DEATHS = 3
@@ -78,6 +81,9 @@ class _Absence:
     """Matches that it had to play then."""
     give_up_at_s: float
     """By then the referee has ruled, if there is anything to rule on."""
+
+
+_TRUSTED = Sandbox(has_wall=False, limits=NO_LIMITS)
 
 
 class RefereeProcess:
@@ -159,7 +165,9 @@ class ClientProcess:
     def __init__(self, setting: VenueSetting, address: Address, name: str) -> None:
         self.name = name
         self._log = setting.journals / f"{name}.log"
-        self._limits, self._home = setting.limits, setting.homes / name
+        self._home = (setting.homes / name).absolute()
+        self._limits_met = self._home / "limits-met"
+        sandbox = setting.sandboxes.get(name, _TRUSTED)
         self._command = [
             sys.executable,
             "-P",
@@ -180,23 +188,42 @@ class ClientProcess:
             str(setting.slots),
             "--patience",
             str(_PATIENCE_S),
+            "--sandbox" if sandbox.has_wall else "--no-sandbox",
+            "--limits-met",
+            str(self._limits_met),
+            *(f"--limit={assignment}" for assignment in sandbox.limits.assignments()),
         ]
         self._restarts = _RestartLimit(f"the client of {name}", self._log)
         self._grace_s = setting.time_control.grace_s
         self._away: _Absence | None = None
+        self._limits_met.unlink(missing_ok=True)
+        self._n_noted = 0
         self._start()
 
     def _start(self) -> None:
         self._away = None
         self._restarts.note_start()
+        self._home.mkdir(parents=True, exist_ok=True, mode=0o700)
+        environment = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ARENA_CONFIG"))}
+        environment |= {"HOME": str(self._home), "NUMBA_CACHE_DIR": str(cache_root())}
         with self._log.open("ab") as log:
-            self._sandboxed = SandboxedProcess(self._command, self._limits, self._home, log)
+            self._started = SandboxedProcess(self._command, _TRUSTED, environment, cwd=self._home, log=log)
 
     def __enter__(self) -> "ClientProcess":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._sandboxed.end(_GOODBYE_S)
+        self._started.process.terminate()
+        self._started.end(_GOODBYE_S)
+
+    def take_limits_met(self) -> Counter[str]:
+        """Return how often the fighter met each of its limits since the last call."""
+        try:
+            lines = self._limits_met.read_text(encoding="utf-8").splitlines()
+        except FileNotFoundError:
+            return Counter()
+        new, self._n_noted = lines[self._n_noted :], len(lines)
+        return Counter(f"{line} limit" for line in new)
 
     def keep_alive(self, n_left: int) -> None:
         """Start the client anew if it died, while it still has matches to play.
@@ -214,10 +241,10 @@ class ClientProcess:
         ArenaError
             It died again and again, and no match was there to be ruled on: it does not come as far as that.
         """
-        if n_left == 0 or (self._away is None and self._sandboxed.process.poll() is None):
+        if n_left == 0 or (self._away is None and self._started.process.poll() is None):
             return
         if self._away is None:
-            self._sandboxed.end(0)
+            self._started.end(0)
             self._restarts.note_death()
             if self._restarts.is_reached:
                 logger.warning("%s; what it is in the middle of is forfeited", self._restarts.failure_message())

@@ -9,6 +9,7 @@ from itertools import count
 from pathlib import Path
 
 from arena.errors import ArenaError, InputError, JournalError
+from arena.files import read_file
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
 from arena.records.framing import CutShortError
@@ -58,7 +59,7 @@ def set_aside(journals: Path) -> None:
 def _read(path: Path, ruleset: Ruleset, plan: MatchPlan) -> Outcome | None:
     """Return how a match ended by its journal; None if it has not, or was void."""
     try:
-        journal = read_journal(whole_part(path.read_bytes()))  # a receipt behind the ending may have been cut short
+        journal = read_journal(whole_part(read_file(path)))  # a receipt behind the ending may have been cut short
     except CutShortError:
         return None
     except OSError as error:

@@ -7,7 +7,7 @@ from pathlib import Path
 from arena.game.ruleset import Ruleset
 from arena.match.time_control import TimeControl
 from arena.records.plan import MatchPlan
-from tournaments.league.limits import NO_LIMITS, Limits
+from arena.sandbox.process import Sandbox
 from tournaments.outcome import Outcome
 
 
@@ -30,8 +30,8 @@ class VenueSetting:
     """Folder for the keys of the pit and of the entries: a process that is started anew keeps its identity."""
     homes: Path
     """Folder for the homes of the entries' processes."""
-    limits: Limits = NO_LIMITS
-    """For each process of an entry."""
+    sandboxes: Mapping[str, Sandbox] = field(default_factory=dict)
+    """Where the fighters run that are files or programs, by entry; others run in the process that joins for them."""
     remote: Mapping[str, bytes] = field(default_factory=dict)
     """The public keys of those entries that join by themselves; they have no process here."""
     listen: str = ""

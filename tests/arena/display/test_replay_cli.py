@@ -69,7 +69,7 @@ def boards(text: str) -> tuple[list[str], list[str]]:
 
 
 def test_verify_says_that_a_journal_holds(arena: Run, here: Run, file: Path, journal: Journal) -> None:
-    table, document = arena("replay", "verify", file), here("replay", "verify", file, "--json")
+    table, document = arena("replay", "verify", "--local", file), here("replay", "verify", "--local", file, "--json")
 
     assert (table.returncode, document.returncode) == (0, 0)
     assert journal.canonical_hash in table.stdout
@@ -80,12 +80,13 @@ def test_verify_says_that_a_journal_holds(arena: Run, here: Run, file: Path, jou
         "ticks": len(journal.ticks),
         "canonical_hash": journal.canonical_hash,
         "seals": None,
+        "keys": None,
     }
 
 
 def test_verify_says_at_which_tick_a_journal_was_changed(here: Run, file: Path, broken: Path) -> None:
     sentence = "at tick 6 its orders or its state were changed"
-    table, document = here("replay", "verify", broken, file), here("replay", "verify", broken, "--json")
+    table, document = here("replay", "verify", "--local", broken, file), here("replay", "verify", broken, "--json")
 
     assert (table.returncode, document.returncode, table.stderr) == (1, 1, "")
     assert sentence in table.stdout
@@ -105,7 +106,7 @@ def test_verify_says_where_a_journal_was_cut(here: Run, data: bytes, tmp_path: P
 
 
 def test_verify_takes_folders(here: Run, file: Path, broken: Path) -> None:
-    done = here("replay", "verify", file.parent, "--json")
+    done = here("replay", "verify", "--local", file.parent, "--json")
 
     assert done.returncode == 1
     assert [(Path(check["file"]).name, check["ok"]) for check in json.loads(done.stdout)] == [

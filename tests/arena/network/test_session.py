@@ -1,7 +1,10 @@
 """With real sessions over loopback."""
 
 import ipaddress
+import socket
+import threading
 from collections.abc import Iterator
+from contextlib import closing, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from queue import SimpleQueue
@@ -59,6 +62,59 @@ def test_a_broadcast_that_begins_late_knows_who_is_there(ends: tuple[Session, Se
     await_subscribers(first, True)
 
     assert router.broadcast("arena/p/match/n/public").has_subscribers
+
+
+class Stall:
+    """Stands between a client and its router; while `reads` is not set, nothing of the client's is passed on."""
+
+    def __init__(self, port: int) -> None:
+        self.reads = threading.Event()
+        self.reads.set()
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self.port = int(self._listening.getsockname()[1])
+        self._router = socket.create_connection(("127.0.0.1", port))
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        with self._listening, self._router, self._listening.accept()[0] as client:
+            back = threading.Thread(target=self._pass_on, args=(self._router, client))
+            back.start()
+            self._pass_on(client, self._router)
+            back.join()
+
+    def _pass_on(self, one: socket.socket, other: socket.socket) -> None:
+        with suppress(OSError):
+            while data := one.recv(1 << 16):
+                if one is not self._router:
+                    self.reads.wait()
+                other.sendall(data)
+        with suppress(OSError):
+            other.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        self.reads.set()
+        self._thread.join()
+
+
+def test_a_client_waits_for_a_busy_router_instead_of_leaving_it() -> None:
+    stall_s, n_messages, message = 0.5, 400, bytes(60_000)  # more than all buffers on the way hold
+    port = free_port()
+    with open_router(f"tcp/127.0.0.1:{port}", "p") as router, closing(Stall(port)) as stall:
+        came = threading.Semaphore(0)
+        router.subscribe("arena/p/match/*/*/action", lambda sample: came.release())
+        with open_client(f"tcp/127.0.0.1:{stall.port}") as client:
+            broadcast = client.broadcast("arena/p/match/m/blue/action")
+            await_subscribers(broadcast, True)
+            stall.reads.clear()
+            sender = threading.Thread(target=lambda: [broadcast.put(message) for _ in range(n_messages)], daemon=True)
+            sender.start()
+            sender.join(stall_s)
+            assert sender.is_alive(), "the client left, or nothing held it up"
+            stall.reads.set()
+
+            assert all(came.acquire(timeout=WAIT_S) for _ in range(n_messages))
+            assert client.is_connected()
 
 
 def make_certificate(folder: Path, name: str, *, ca: bool = False) -> Certificate:

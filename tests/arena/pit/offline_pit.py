@@ -129,9 +129,10 @@ class OfflinePit:
             case OpenMatch(match, journal, n_bytes):
                 assert match not in self.files
                 self.files[match] = journal
-                self.journals[journal] = self.journals.get(journal, b"")[:n_bytes]
+                if n_bytes:
+                    self.journals[journal] = self.journals[journal][:n_bytes]
             case Append(match, data):
-                self.journals[self.files[match]] += data
+                self.journals[self.files[match]] = self.journals.get(self.files[match], b"") + data
             case Send(match, team, payload):
                 self._check_written_ahead(match, int.from_bytes(payload[8:12], "big"))
                 self.sent[match, team].append(payload)
@@ -155,7 +156,9 @@ class OfflinePit:
         self.replies[question] = payload
 
     def _check_written_ahead(self, match: str, tick: int) -> None:
-        """Check that the ticks before one stand in the journal."""
+        """Check that the ticks before one stand in the journal, which begins with the first."""
+        if not tick:
+            return
         journal = read_journal(whole_part(self.journals[self.files[match]]))
         assert len(journal.ticks) >= tick, f"tick {tick} was sent before the one before it was written"
 

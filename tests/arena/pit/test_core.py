@@ -10,14 +10,15 @@ from offline_pit import N_UNITS, PIT, RULES, OfflinePit, Player, begin, plan, pl
 from arena.errors import ArenaError
 from arena.game.types import Team, Termination
 from arena.match.time_control import TimeControl
+from arena.pit.admission import HOLD_QUESTION_S
 from arena.pit.effects import Append, MatchEnded, PublishEnding, PublishTick, Send
-from arena.pit.events import ActionReceived, JournalAsked, LobbyAsked, Stopped, TimePassed, UnfinishedFound
+from arena.pit.events import ActionReceived, JournalAsked, JournalsReady, LobbyAsked, Stopped, TimePassed, UnfinishedFound
 from arena.pit.match_session import MOST_REJECTED
 from arena.pit.matches import RECEIPTS_S
 from arena.pit.seating import PlannedSeating
 from arena.protocol.codec import encode
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Ended, History, Lobby, Orders, Ready, Refusal, Ticket, Turn, Wait
+from arena.protocol.messages import Done, Ended, History, Lobby, Orders, Ready, Refusal, Ticket, Turn, Wait
 from arena.protocol.signed import sign_receipt
 from arena.records.journal import journal_name, match_id, read_journal, whole_part
 from arena.records.replay import verify
@@ -522,7 +523,7 @@ def test_the_lobby_is_signed_anew_twice_a_second_and_when_a_match_begins(pit: Of
 
 def test_a_pit_that_stops_signs_what_is_over_and_leaves_what_runs(pit: OfflinePit) -> None:
     play(*begin(pit))
-    begin(pit, "eve", "dan")
+    play(*begin(pit, "eve", "dan"), n_ticks=1)
 
     pit.do(Stopped())
 
@@ -586,6 +587,53 @@ def test_a_match_that_was_killed_between_its_last_tick_and_its_ending_ends_at_on
 
     assert [ended.result.ending for ended in later.ended] == [Termination.TICK_LIMIT]
     assert read_journal(later.journals[FIRST]).canonical == read_journal(pit.journals[FIRST]).canonical
+
+
+def test_a_match_that_never_began_leaves_no_journal(pit: OfflinePit) -> None:
+    ann, _ = begin(pit)
+    ann.ready()
+    assert not pit.journals
+    pit.core.receive(Stopped(), pit.now_s)
+    assert not pit.journals, "a pit that stops leaves nothing of it"
+
+    pit = OfflinePit()
+    ann, bob = begin(pit)
+    pit.do(TimePassed(pit.now_s))
+    asked = pit.ask_for_journal(ann.ticket.match)
+    assert Player(pit, "operator", PIT).command("abort", ann.ticket.match) == Done(text=f"match {ann.ticket.match} is void")
+    asked = pit.ask_for_journal(ann.ticket.match)
+    for player in (ann, bob):
+        player.give_receipt()
+    pit.pass_time(RECEIPTS_S)
+
+    assert (pit.journals, pit.files) == ({}, {})
+    assert pit.ended[0].result.ending is Termination.VOID
+    assert isinstance(pit.reply(asked), Refusal)
+
+
+def test_a_match_that_is_forfeited_before_its_first_tick_has_a_journal(pit: OfflinePit) -> None:
+    ann, _ = begin(pit)
+    ann.ready()
+    pit.pass_time(TimeControl().grace_s)
+
+    assert pit.ended[0].result.ending is Termination.FORFEIT
+    assert read_journal(whole_part(pit.journals[FIRST])).ending == pit.ended[0].result
+
+
+def test_no_match_begins_while_no_journal_can_be_opened_and_nobody_loses_anything(pit: OfflinePit) -> None:
+    pit.do(JournalsReady(0))
+    ann, bob = Player(pit, "ann"), Player(pit, "bob")
+    assert (ann.ask(), bob.ask()) == (None, None)
+    pit.pass_time(HOLD_QUESTION_S)
+    assert [player.answer() for player in (ann, bob)] == [Wait(reason="for an opponent")] * 2
+
+    pit.do(JournalsReady(1))
+    for player in (ann, bob):
+        player.ask()
+    pit.pass_time()
+
+    play(ann.take(), bob.take())
+    assert len(pit.ended) == 1
 
 
 def test_a_journal_that_was_changed_is_left_alone(pit: OfflinePit, caplog: pytest.LogCaptureFixture) -> None:

@@ -1,5 +1,6 @@
 """The shell of a pit, with a network of this test: effects are carried out in order, and none after one that fails."""
 
+import resource
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ from offline_pit import N_UNITS, PIT, RULES, plan
 from arena.errors import ArenaError
 from arena.game.types import RULES_VERSION, Team
 from arena.match.time_control import TimeControl
+from arena.pit import journal_files
 from arena.pit.match_session import PitContext
 from arena.pit.referee import Referee
 from arena.pit.seating import PlannedSeating
@@ -81,6 +83,10 @@ class Pit:
         self.referee = Referee(
             session, PitContext(pit="pit", identity=PIT), rules, seating, TimeControl(), folder, on_end=lambda ended: None
         )
+        self.sealers: dict[Team, Sealer] = {}
+
+    def ask_for_seats(self) -> list[tuple[Attempt, Question]]:
+        """Ask for both seats."""
         ann, asked = Identity.make(), list[tuple[Attempt, Question]]()
         for slot in range(2):
             challenge = decode(self.ask(encode(ChallengeRequest())).answers[0])
@@ -88,13 +94,17 @@ class Pit:
             request = JoinRequest(rules_version=RULES_VERSION, name="ann", team="any", client="c", slot=slot)
             attempt = Attempt(ann, "pit", challenge, request)
             asked.append((attempt, self.ask(attempt.sealed)))
-        self.sealers: dict[Team, Sealer] = {}
-        for attempt, question in asked:
+        return asked
+
+    def sit(self) -> "Pit":
+        """Take both seats."""
+        for attempt, question in self.ask_for_seats():
             ticket = attempt.open(question.answers[0])
             assert isinstance(ticket, Ticket)
             self.match, team = ticket.match, Team(ticket.team)
             self.sealers[team], _ = attempt.sit(ticket.match, team, ticket.secret)
         self.send(Ready(known_ticks=0))
+        return self
 
     def run(self) -> None:
         passes = iter((False, True))
@@ -118,11 +128,11 @@ class Pit:
 
     @property
     def n_written(self) -> int:
-        return len(read_journal(self.path.read_bytes()).ticks)
+        return len(read_journal(self.path.read_bytes()).ticks) if self.path.exists() else 0
 
 
 def test_orders_that_come_are_written_and_the_next_turn_is_sent(tmp_path: Path) -> None:
-    pit = Pit(tmp_path, n_ticks=2)
+    pit = Pit(tmp_path, n_ticks=2).sit()
     assert (pit.n_written, pit.n_sent) == (0, [1, 1])
 
     pit.send(Orders(tick=0, actions=bytes(N_UNITS)))
@@ -135,7 +145,7 @@ def test_orders_that_come_are_written_and_the_next_turn_is_sent(tmp_path: Path) 
 def test_a_tick_that_cannot_be_written_ends_the_pit_and_nothing_of_it_is_sent_or_signed(
     n_ticks: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pit = Pit(tmp_path, n_ticks)
+    pit = Pit(tmp_path, n_ticks).sit()
 
     def fail(*_: object) -> int:
         raise OSError(28, "No space left on device")
@@ -147,3 +157,29 @@ def test_a_tick_that_cannot_be_written_ends_the_pit_and_nothing_of_it_is_sent_or
     pit.referee.close()
 
     assert (pit.n_written, pit.n_sent) == (0, [1, 1])
+
+
+def test_a_pit_without_a_file_to_spare_begins_no_match_and_stays_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    monkeypatch.setattr(journal_files, "MOST_SPARE", 0)  # as if others had taken all before it opened
+    pit = Pit(tmp_path, n_ticks=1)
+    monkeypatch.undo()
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
+    try:
+        asked = pit.ask_for_seats()
+        assert [question.answers for _, question in asked] == [[], []]
+        assert pit.referee.n_running == 0
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+    assert pit.sit().n_sent == [1, 1]
+    pit.referee.close()
+
+
+def test_a_pit_leaves_no_file_of_a_match_that_never_began(tmp_path: Path) -> None:
+    pit = Pit(tmp_path, n_ticks=1).sit()
+    assert not list(tmp_path.glob("*.journal"))
+
+    pit.referee.close()
+
+    assert not list(tmp_path.iterdir())

@@ -15,6 +15,7 @@ from arena.protocol.codec import decode, encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Ended, Lobby, Orders, Signed
 from arena.protocol.signed import (
+    STATEMENT_VERSION,
     Statement,
     check_journal,
     check_receipt,
@@ -65,7 +66,7 @@ def test_a_commitment_is_of_one_match_and_its_two_keys(match: str, keys: MatchKe
 def test_a_fact_is_signed_with_plain_ed25519_under_its_label(fact: Statement) -> None:
     signed = sign_statement(PIT, fact)
 
-    assert decode(signed.data) == fact
+    assert decode(signed.data, STATEMENT_VERSION) == fact
     plain_verify(PIT, b"arena fact\x00" + signed.data, signed.signature)
     assert read_statement(signed, PIT.public) == fact
 

@@ -58,7 +58,7 @@ def test_the_same_seed_gives_the_same_journals(arena: Run, here: Run, tmp_path: 
     names = sorted(path.name for path in (tmp_path / "one").iterdir())
     assert len(names) == 2 * n_pairs
     assert cmpfiles(tmp_path / "one", tmp_path / "other", names, shallow=False) == (names, [], [])
-    verified = here("replay", "verify", tmp_path / "one", tmp_path / "other")
+    verified = here("replay", "verify", "--local", tmp_path / "one", tmp_path / "other")
     assert (verified.returncode, verified.stdout.splitlines()[-1]) == (0, f"{4 * n_pairs} of {4 * n_pairs} journals hold")
 
 
@@ -135,7 +135,7 @@ def test_a_bot_that_raises_is_counted_and_shown_once(here: Run, bot: Callable[..
     assert "mybot first failed like this:\nTraceback" in done.stderr
     assert "has no attribute 'flag'" in done.stderr
     assert (done.stderr.count("Traceback"), done.stderr.count('File "')) == (1, 1)
-    assert here("replay", "verify", tmp_path / "journals").returncode == 0
+    assert here("replay", "verify", "--local", tmp_path / "journals").returncode == 0
 
 
 @pytest.mark.parametrize("workers", [1, 2])

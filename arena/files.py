@@ -1,0 +1,60 @@
+"""Read files that a stranger may have made: regular ones alone, and no more bytes than such a file can have."""
+
+import os
+import stat
+from errno import EFBIG, EINVAL, EISDIR
+from pathlib import Path
+
+MOST_BYTES = 1 << 26
+"""More than any journal or transcript has."""
+MOST_TEXT_BYTES = 1 << 20
+"""More than any file that a person writes has."""
+_KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
+_FLAGS = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
+"""Without them, opening a pipe waits for somebody who writes to it."""
+
+
+def read_file(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
+    """Return what a file holds.
+
+    Raises
+    ------
+    OSError
+        It cannot be read, is no regular file, or has more bytes than `most_bytes`; `strerror` says which.
+    """
+    descriptor = os.open(path, _FLAGS)
+    try:
+        _check(os.fstat(descriptor), most_bytes)
+    except OSError:
+        os.close(descriptor)
+        raise
+    with os.fdopen(descriptor, "rb") as file:
+        data = file.read(most_bytes + 1)  # some files say that they have 0 bytes, and others grow
+    if len(data) > most_bytes:
+        raise _too_large(most_bytes)
+    return data
+
+
+def read_text(path: Path) -> str:
+    """Return what a file that a person wrote holds; raises as `read_file` does, and `UnicodeDecodeError` if it is not UTF-8."""
+    return read_file(path, MOST_TEXT_BYTES).decode("utf-8").replace("\r\n", "\n")
+
+
+def check_file(path: Path, most_bytes: int) -> int:
+    """Return how many bytes a file has that a library is to open by its path; raises as `read_file` does."""
+    found = path.stat()
+    _check(found, most_bytes)
+    return found.st_size
+
+
+def _check(found: os.stat_result, most_bytes: int) -> None:
+    if stat.S_ISDIR(found.st_mode):
+        raise OSError(EISDIR, os.strerror(EISDIR))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(EINVAL, f"it is {_KINDS.get(stat.S_IFMT(found.st_mode), 'something else')}, not a file")
+    if found.st_size > most_bytes:
+        raise _too_large(most_bytes)
+
+
+def _too_large(most_bytes: int) -> OSError:
+    return OSError(EFBIG, f"it is larger than {most_bytes:,} bytes")

@@ -1,0 +1,274 @@
+"""Fighters in processes of their own as a `BatchPolicy`.
+
+A bot file or a program has a process for each match of each seat: it cannot remember one match in another, and its seats think
+side by side. A network has one for all seats of its client, since it is large and remembers nothing.
+"""
+
+import atexit
+import os
+import shlex
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Condition
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arena.errors import PolicyError
+from arena.game.observation import Observations
+from arena.game.ruleset import Ruleset, to_dict
+from arena.game.types import Action, Team
+from arena.jit import cache_root
+from arena.policy import BatchPolicy, Faults, MatchResult, Orders, Thinking
+from arena.protocol.observation_codec import ObservationWriter
+from arena.sandbox.limits import NO_LIMITS, Limits
+from arena.sandbox.process import Sandbox
+from policies.each_seat import UNREADABLE
+from policies.program import PREFIX as PROGRAM
+from policies.workers.worker import OutputLog, Worker
+
+LOAD_S = 60.0
+"""A fighter that is not loaded by then is taken not to load at all."""
+
+
+class WorkerFactory:
+    """The `BatchFactory` of a fighter in processes of its own.
+
+    Parameters
+    ----------
+    spec
+        What fights, as `policies.registry.load` takes it.
+    has_wall
+        Whether it is a stranger.
+    n_spare
+        Processes kept ready for matches to come.
+    wake
+        Called from another thread when a policy that raised `Thinking` may have its answer. Without it, policies wait.
+    on_limit
+        Called from another thread with what limit a process met.
+    patience_s
+        How long to wait for an answer, without `wake`; a process that takes longer is ended.
+    """
+
+    most_seats = 8
+    """Each seat may be a process."""
+
+    def __init__(
+        self,
+        spec: str,
+        *,
+        has_wall: bool = False,
+        limits: Limits = NO_LIMITS,
+        n_spare: int = 0,
+        wake: Callable[[], None] | None = None,
+        on_limit: Callable[[str], None] = lambda _: None,
+        patience_s: float | None = None,
+    ) -> None:
+        self.spec, self.wake, self.on_limit = spec, wake, on_limit
+        self._sandbox = Sandbox(has_wall=has_wall, limits=limits, readable=tuple(_files_of(spec)))
+        self._n_spare, self._patience_s = n_spare, patience_s
+        self._log = OutputLog(limits)
+        self._spare: deque[Worker] = deque()
+        self._workers: set[Worker] = set()
+        self._changed = Condition()
+        self._next_seat = 0
+        self.is_shared = not (spec.startswith(PROGRAM) or spec.endswith(".py"))
+        atexit.register(self.close)
+
+    def __call__(self, ruleset: Ruleset, team: Team, n_seats: int) -> "WorkerPolicy":
+        """Return a policy whose seats are played by processes."""
+        return WorkerPolicy(ruleset, team, n_seats, self)
+
+    def prepare(self) -> None:
+        """Start a process, and return once it has loaded the fighter.
+
+        Raises
+        ------
+        InputError
+            No wall can be built on this machine.
+        PolicyError
+            The fighter cannot be loaded.
+        """
+        self._sandbox.check()
+        worker = self.acquire()
+        with self._changed:
+            patience_s = self._patience_s or LOAD_S
+            self._changed.wait_for(lambda: worker.is_loaded or worker.failure is not None, patience_s)
+        if not worker.is_loaded:
+            worker.kill(f"it was not ready after {patience_s:g} s")
+            raise PolicyError(f"{self.spec} cannot start: {worker.failure}")
+        if not self.is_shared:
+            self._spare.append(worker)
+
+    def acquire(self) -> Worker:
+        """Return a process for one more match."""
+        if self.is_shared:
+            for worker in self._workers:
+                if worker.failure is None:
+                    return worker
+        elif self._spare:
+            return self._spare.popleft()
+        return self._start()
+
+    def release(self, worker: Worker) -> None:
+        """Take a process back whose match is over; returns at once."""
+        if not self.is_shared:
+            worker.dismiss()
+            self._workers.discard(worker)
+            if len(self._spare) < self._n_spare:
+                self._spare.append(self._start())
+
+    def new_seat(self) -> int:
+        """Return a number that no seat of these processes has had."""
+        self._next_seat += 1
+        return self._next_seat
+
+    def wait(self, workers: Iterable[Worker], are_ready: Callable[[], bool]) -> None:
+        """Wait until something is so that changes when a process says something; end those that keep us waiting for too long."""
+        with self._changed:
+            is_so = self._changed.wait_for(are_ready, self._patience_s)
+        if not is_so:
+            for worker in workers:
+                worker.kill(f"it did not answer within {self._patience_s:g} s")
+            are_ready()
+
+    def close(self) -> None:
+        """End all processes."""
+        atexit.unregister(self.close)
+        for worker in self._workers:
+            worker.kill()
+        self._workers.clear()
+
+    def _start(self) -> Worker:
+        environment = {"NUMBA_CACHE_DIR": str(cache_root()), "OMP_NUM_THREADS": "1"}  # seats think side by side already
+        if not self._sandbox.has_wall:
+            environment = {**os.environ, **environment}
+        worker = Worker(
+            self.spec, self._sandbox, environment, log=self._log, on_change=self._on_change, on_limit=self.on_limit
+        )  # fmt: skip
+        self._workers.add(worker)
+        return worker
+
+    def _on_change(self) -> None:
+        with self._changed:
+            self._changed.notify_all()
+        if self.wake is not None:
+            self.wake()
+
+
+def _files_of(spec: str) -> list[Path]:
+    """Return the files that a fighter needs to be there: its own, or those that its command line names, and our kernels."""
+    words = shlex.split(spec.removeprefix(PROGRAM)) if spec.startswith(PROGRAM) else [spec]
+    paths = [Path(word) for word in words if word.startswith("/") or not spec.startswith(PROGRAM)]
+    return [path.absolute() for path in [*paths, cache_root()] if path.exists()]
+
+
+@dataclass(slots=True)
+class _Row:
+    """A seat of one match."""
+
+    worker: Worker
+    number: int
+    is_begun: bool = False
+    """Whether its process was told of the match."""
+    is_started: bool = False
+    """Whether its process has said that it is ready for it."""
+    is_asked: bool = False
+    faults: Faults = field(default_factory=Faults)
+
+    def add(self, faults: Faults) -> None:
+        """Count what went wrong."""
+        self.faults.raised += faults.raised
+        self.faults.illegal += faults.illegal
+        self.faults.first_traceback = self.faults.first_traceback or faults.first_traceback
+
+
+class WorkerPolicy(BatchPolicy):
+    """Seats that processes play. What becomes of a process costs its seats alone: their units stay."""
+
+    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, factory: WorkerFactory) -> None:
+        super().__init__(ruleset, team, n_seats)
+        self._factory = factory
+        self._rows: list[_Row | None] = [None] * n_seats
+        self._last_faults = [Faults() for _ in range(n_seats)]
+        """Of matches that are over."""
+        self._rules = {"name": ruleset.name, **to_dict(ruleset)}
+
+    def start(self, seats: NDArray[np.intp]) -> None:
+        """Begin a match for each of `seats`; `Thinking` while one is not ready for it."""
+        for seat in np.arange(self.n_seats)[seats].tolist():
+            row = self._rows[seat]
+            if row is None or row.is_started:
+                self._release(seat)
+                self._rows[seat] = _Row(self._factory.acquire(), self._factory.new_seat())
+        rows = [row for row in self._rows if row is not None]
+        self._await(rows, self._is_started)
+
+    def act(self, observations: Observations, orders: Orders) -> None:
+        """Ask each seat; `Thinking` while one has not answered. A seat that never will gets UNREADABLE."""
+        for seat in range(len(observations)):
+            row = self._rows[seat]
+            if row is not None and not row.is_asked:
+                row.is_asked = True
+                row.worker.ask(row.number, ObservationWriter(observations, seat).write())
+        self._await([row for row in self._rows if row is not None], lambda row: row.worker.has_answer(row.number))
+        for seat in range(len(observations)):
+            row = self._rows[seat]
+            orders[seat] = Action.STAY if row is None else self._take_orders(row, orders.shape[1])
+
+    def end(self, seat: int, result: MatchResult) -> None:
+        """Tell the process how the match ended; returns at once."""
+        row = self._rows[seat]
+        if row is not None:
+            row.worker.finish(row.number, result.to_dict())
+            self._last_faults[seat] = row.faults
+            self._release(seat)
+
+    def take_faults(self, seat: int) -> Faults:
+        """Return what went wrong on `seat` since its match began, and forget it."""
+        row = self._rows[seat]
+        if row is None:
+            faults, self._last_faults[seat] = self._last_faults[seat], Faults()
+            return faults
+        faults, row.faults = row.faults, Faults()
+        return faults
+
+    def _release(self, seat: int) -> None:
+        row, self._rows[seat] = self._rows[seat], None
+        if row is not None:
+            self._factory.release(row.worker)
+
+    def _is_started(self, row: _Row) -> bool:
+        worker = row.worker
+        if worker.is_loaded and not row.is_begun:
+            row.is_begun = True
+            worker.start(row.number, dict(self._rules), int(self.team))
+        if not row.is_started and worker.failure is not None:
+            row.is_started = True
+        elif not row.is_started and row.is_begun and (answer := worker.take(row.number)) is not None:
+            row.is_started = True
+            row.add(answer.faults)
+        return row.is_started
+
+    def _await(self, rows: list[_Row], is_ready: Callable[[_Row], bool]) -> None:
+        def are_ready() -> bool:
+            n_ready = sum(map(is_ready, rows))  # all are looked at, since each is to move on by itself
+            return n_ready == len(rows)
+
+        if self._factory.wake is None:
+            self._factory.wait((row.worker for row in rows if not is_ready(row)), are_ready)
+        elif not are_ready():
+            raise Thinking
+
+    def _take_orders(self, row: _Row, n_units: int) -> NDArray[np.int8]:
+        row.is_asked = False
+        answer = row.worker.take(row.number)
+        if answer is None:
+            row.add(Faults(raised=1, first_traceback=row.worker.failure))
+            return np.full(n_units, UNREADABLE, np.int8)
+        row.add(answer.faults)
+        given = np.frombuffer(answer.orders, np.int8)
+        is_legal = given.shape == (n_units,) and bool(((given >= 0) & (given < len(Action))).all())
+        return given if is_legal else np.full(n_units, UNREADABLE, np.int8)

@@ -1,0 +1,225 @@
+"""The owner's side of one fighter's process: it is started, told things and asked things, and never waited for.
+
+A thread hears what it says. What it prints is passed on up to a bound, and the rest is thrown away.
+"""
+
+import logging
+import os
+import selectors
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from threading import Lock, Thread
+from typing import Any
+
+from arena.errors import UnreadableError
+from arena.policy import Faults
+from arena.sandbox.limits import Limits
+from arena.sandbox.process import Sandbox, SandboxedProcess
+from policies.workers.frames import FrameBuffer, pack
+
+logger = logging.getLogger(__name__)
+_CHUNK = 1 << 16
+_MOST_LETTERS = 4_000
+_GOODBYE_S = 1.0
+"""How long a process whose last match is over may take to end."""
+_EXIT_S = 0.5
+"""Between the end of what a process says and its own."""
+_WORDS = {
+    "memory_mb": "memory",
+    "cpu_s": "processor time",
+    "processes": "processes",
+    "output_kb": "output",
+}
+
+
+class OutputLog:
+    """Passes on what fighters print, up to a bound."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._n_left = sys.maxsize if limits.output_kb is None else limits.output_kb << 10
+        self._lock = Lock()
+
+    def write(self, data: bytes) -> bool:
+        """Pass on what may be, and return False when that is cut for the first time."""
+        with self._lock:
+            before = self._n_left
+            self._n_left -= len(data)
+        if before > 0:
+            sys.stderr.write(data[:before].decode("utf-8", "replace"))
+            sys.stderr.flush()
+        return before < 0 or len(data) <= before
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """To a start, without orders; or to an observation."""
+
+    orders: bytes
+    """A byte for each unit."""
+    faults: Faults
+    """Since the answer before."""
+
+
+class Worker:
+    """One process of a fighter.
+
+    Parameters
+    ----------
+    on_change
+        Called from another thread when it has said something, or ended.
+    on_limit
+        Called from another thread with the limit, in a word or two, when it has met one.
+    """
+
+    def __init__(
+        self,
+        spec: str,
+        sandbox: Sandbox,
+        environment: Mapping[str, str],
+        *,
+        log: OutputLog,
+        on_change: Callable[[], None],
+        on_limit: Callable[[str], None],
+    ) -> None:
+        self._process = SandboxedProcess([sys.executable, "-P", "-m", "policies.workers.child", spec], sandbox, environment)
+        self._stdin, self._stdout, self._stderr = self._process.pipes
+        self._limits, self._log, self._on_change, self._on_limit = sandbox.limits, log, on_change, on_limit
+        self._answers: dict[int, deque[Answer]] = {}
+        self._end_by_s: float | None = None
+        self.is_loaded = False
+        """Whether it can be asked."""
+        self.failure: str | None = None
+        """Why it answers no more, in a sentence."""
+        self._wake_read, self._wake_write = os.pipe()
+        self._listener = Thread(target=self._listen, name=f"listens to {spec}", daemon=True)
+        self._listener.start()
+
+    def start(self, seat: int, rules: dict[str, Any], team: int) -> None:
+        """Begin a match under a number that is new."""
+        self._answers[seat] = deque()
+        self._send(["start", seat, rules, team])
+
+    def ask(self, seat: int, observation: bytes) -> None:
+        """Show a seat an observation."""
+        self._send(["act", seat, observation])
+
+    def finish(self, seat: int, result: dict[str, Any]) -> None:
+        """End a match."""
+        self._answers.pop(seat, None)
+        self._send(["end", seat, result])
+
+    def has_answer(self, seat: int) -> bool:
+        """Whether `take` need not wait: a seat has answered, or never will."""
+        return self.failure is not None or bool(self._answers.get(seat))
+
+    def take(self, seat: int) -> "Answer | None":
+        """Return what a seat has answered to the oldest message that it was not taken of, if it has."""
+        answers = self._answers.get(seat)
+        return answers.popleft() if answers else None
+
+    def _send(self, message: list[Any]) -> None:
+        """Tell it something; nothing comes of that if it has ended."""
+        try:
+            self._stdin.write(pack(message))
+        except (OSError, ValueError):
+            logger.info("a fighter's process has ended, and is told nothing")
+
+    def dismiss(self) -> None:
+        """Let it end by itself for a moment, and end it then; returns at once."""
+        self._end_by_s = time.monotonic() + _GOODBYE_S
+        try:
+            self._stdin.close()
+        except OSError:
+            logger.info("a fighter's process has ended before it was told to")
+        self._wake()
+
+    def kill(self, why: str = "it was told to end") -> None:
+        """End it now, and wait until it has ended; nothing is done if it has."""
+        self.failure = self.failure or why
+        self._end_by_s = 0.0
+        self._wake()
+        self._listener.join()
+
+    def _wake(self) -> None:
+        """Have the listener look at the clock."""
+        try:
+            os.write(self._wake_write, b"!")
+        except OSError:
+            return  # it has ended
+
+    def _listen(self) -> None:
+        frames = FrameBuffer()
+        is_dismissed = False
+        try:
+            with selectors.DefaultSelector() as selector:
+                for stream in (self._stdout, self._stderr, self._wake_read):
+                    selector.register(stream, selectors.EVENT_READ)
+                while True:
+                    wait_s = None if self._end_by_s is None else max(self._end_by_s - time.monotonic(), 0.0)
+                    ready = [key.fileobj for key, _ in selector.select(wait_s)]
+                    is_dismissed = self._end_by_s is not None
+                    if self._end_by_s is not None and time.monotonic() >= self._end_by_s:
+                        break
+                    if self._wake_read in ready:
+                        os.read(self._wake_read, _CHUNK)
+                    if self._stderr in ready:
+                        self._hear_stderr(selector)
+                    if self._stdout in ready:
+                        data = os.read(self._stdout.fileno(), _CHUNK)
+                        if not data:
+                            break
+                        for message in frames.feed(data):
+                            self._hear(message)
+                        self._on_change()
+        except UnreadableError as error:
+            self.failure = f"its process wrote what is no answer: {error}"
+        self._finish(is_dismissed=is_dismissed)
+
+    def _hear(self, message: list[Any]) -> None:
+        """Take a message apart, in which a stranger may have written anything."""
+        match message:
+            case ["loaded"]:
+                self.is_loaded = True
+            case ["failed", str(why)]:
+                self.failure = why[:_MOST_LETTERS]
+            case [int(seat), bytes(orders), int(raised), int(illegal), str() | None as traceback]:
+                if seat in self._answers and raised >= 0 and illegal >= 0:  # else of a match that is over
+                    self._answers[seat].append(Answer(orders, _faults(raised, illegal, traceback)))
+            case _:
+                raise UnreadableError("no message that it may write")
+
+    def _hear_stderr(self, selector: selectors.BaseSelector) -> None:
+        data = os.read(self._stderr.fileno(), _CHUNK)
+        if not data:
+            selector.unregister(self._stderr)
+        elif not self._log.write(data):
+            self._note("output_kb")
+
+    def _finish(self, *, is_dismissed: bool) -> None:
+        code = self._process.end(0.0 if is_dismissed or self.failure else _EXIT_S)
+        met = self._process.limits_met(code, has_ended_itself=not is_dismissed)
+        for name in met:
+            self._note(name)
+        if self.failure is None:
+            self.failure = self._how(code, met)
+        os.close(self._wake_read)
+        os.close(self._wake_write)
+        self._on_change()
+
+    def _how(self, code: int, met: list[str]) -> str:
+        if met:
+            return "its process met its limit of " + " and of ".join(self._describe(name) for name in met)
+        return f"its process ended with exit code {code}"
+
+    def _describe(self, name: str) -> str:
+        return f"{_WORDS[name]} ({name} = {getattr(self._limits, name)})"
+
+    def _note(self, name: str) -> None:
+        self._on_limit(_WORDS[name])
+
+
+def _faults(raised: int, illegal: int, traceback: str | None) -> Faults:
+    return Faults(raised=raised, illegal=illegal, first_traceback=None if traceback is None else traceback[:_MOST_LETTERS])

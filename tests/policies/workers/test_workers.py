@@ -1,0 +1,219 @@
+"""Fighters in processes of their own: what they answer, what becomes of their processes, and that nobody waits for them."""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+import pytest
+
+from arena.errors import PolicyError
+from arena.game.engine import BatchedGame
+from arena.game.keys import MatchKeys
+from arena.game.ruleset import load
+from arena.game.types import Team, Termination
+from arena.policy import MatchResult, Thinking
+from arena.sandbox import bubblewrap
+from arena.sandbox.limits import BEHIND_A_WALL
+from policies.registry import load as load_policy
+from policies.workers.policy import WorkerFactory, WorkerPolicy
+
+PAPER = load("paper")
+WAIT_S = 60.0
+OVER = MatchResult(ending=Termination.CAPTURE, winner=Team.BLUE, score=100, ticks=1)
+UNREADABLE = [-1] * 6
+Start = Callable[..., WorkerPolicy]
+
+
+@pytest.fixture
+def board() -> BatchedGame:
+    games = BatchedGame(PAPER, 1)
+    games.start([0], [MatchKeys(map_key=bytes(32), match_key=bytes(32))])
+    return games
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Start a bot of some code, for a match of one seat."""
+    factories = []
+
+    def make(source: str, **settings: object) -> WorkerPolicy:
+        if "\n" in source:
+            (tmp_path / "bot.py").write_text(source)
+            source = str(tmp_path / "bot.py")
+        factory = WorkerFactory(source, **settings)  # type: ignore[arg-type]
+        factories.append(factory)
+        factory.prepare()
+        policy = factory(PAPER, Team.BLUE, 1)
+        policy.start(np.arange(1))
+        return policy
+
+    yield make
+    for factory in factories:
+        factory.close()
+
+
+def act(policy: WorkerPolicy, board: BatchedGame) -> list[int]:
+    orders = np.zeros((1, 6), np.int8)
+    policy.act(board.observe()[Team.BLUE], orders)
+    return orders[0].tolist()
+
+
+def walls() -> dict[str, object]:
+    why = bubblewrap.why_no_wall()
+    if why is not None and not os.environ.get("ARENA_REQUIRE_ALL"):
+        pytest.skip(why)
+    return {"has_wall": True, "limits": BEHIND_A_WALL}
+
+
+WRITES_JUNK = """
+import os
+def act(seen):
+    for descriptor in range(3, 20):
+        try:
+            os.write(descriptor, b"\\xff" * 64)
+        except OSError:
+            continue
+"""
+SAYS_WHAT_IT_SEES = "def act(seen):\n    return [len(seen.units) == 6, seen.tick == 0, seen.team == 0, 3, 4, 0]\n"
+
+
+def test_a_bot_behind_a_wall_is_shown_what_its_team_sees_and_its_orders_are_taken(start: Start, board: BatchedGame) -> None:
+    assert act(start(SAYS_WHAT_IT_SEES, **walls()), board) == [1, 1, 1, 3, 4, 0]
+
+
+def test_so_is_a_program(start: Start, board: BatchedGame, tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    program.write_text("while True:\n    if 'observation' in input():\n        print([1, 1, 1, 3, 4, 0], flush=True)\n")
+
+    assert act(start(f"exec:python3 {program}", **walls()), board) == [1, 1, 1, 3, 4, 0]
+
+
+def test_a_network_plays_the_same_in_a_process_behind_a_wall(start: Start, board: BatchedGame) -> None:
+    path = Path(load_policy.__code__.co_filename).parent / "weights" / "champion.safetensors"
+    ours = load_policy(str(path))(PAPER, Team.BLUE, 1)
+    ours.start(np.arange(1))
+    expected = np.zeros((1, 6), np.int8)
+    ours.act(board.observe()[Team.BLUE], expected)
+
+    assert act(start(str(path), **walls()), board) == expected[0].tolist()
+
+
+def test_nobody_waits_for_a_bot_that_thinks(start: Start, board: BatchedGame, tmp_path: Path) -> None:
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+    woken = Event()
+    policy = start(f"def act(seen):\n    open({str(gate)!r}).read()\n    return [2] * 6\n")
+    policy._factory.wake = woken.set
+
+    with pytest.raises(Thinking):
+        act(policy, board)
+    with pytest.raises(Thinking):
+        act(policy, board)
+    gate.write_text("go")
+
+    end_s = time.monotonic() + WAIT_S
+    while time.monotonic() < end_s:
+        assert woken.wait(WAIT_S)
+        woken.clear()
+        try:
+            assert act(policy, board) == [2] * 6
+            return
+        except Thinking:
+            continue
+    raise AssertionError("it never answered")
+
+
+def test_each_match_has_a_process_that_knows_nothing_of_the_one_before(start: Start, board: BatchedGame) -> None:
+    source = "n = 0\ndef act(seen):\n    global n\n    n += 1\n    return [n] * 6\n"
+    policy = start(source)
+
+    first = [act(policy, board), act(policy, board)]
+    policy.end(0, OVER)
+    policy.start(np.arange(1))
+
+    assert first == [[1] * 6, [2] * 6]
+    assert act(policy, board) == [1] * 6
+
+
+@pytest.mark.parametrize(
+    ("source", "says"),
+    [
+        ("import os\ndef act(seen):\n    os._exit(3)\n", "its process ended with exit code 3"),
+        ("def act(seen):\n    bytearray(5 << 30)\n", "its process met its limit of memory (memory_mb = 2000)"),
+        (WRITES_JUNK, "its process wrote what is no answer"),
+    ],
+    ids=["exits", "takes memory", "writes junk"],
+)
+def test_what_becomes_of_its_process_costs_the_seat_its_orders_and_is_told(
+    source: str, says: str, start: Start, board: BatchedGame
+) -> None:
+    policy = start(source, **walls())
+
+    assert [act(policy, board), act(policy, board)] == [UNREADABLE] * 2
+    faults = policy.take_faults(0)
+    assert faults.raised == 2
+    assert says in (faults.first_traceback or "") or "MemoryError" in (faults.first_traceback or "")
+
+
+@pytest.mark.parametrize("answer", ["[0] * 5", "[9] * 6", "'north'", "None"])
+def test_what_is_no_order_is_unreadable(answer: str, start: Start, board: BatchedGame) -> None:
+    policy = start(f"def act(seen):\n    return {answer}\n")
+
+    assert act(policy, board) == UNREADABLE
+    assert policy.take_faults(0).illegal == 1
+
+
+def test_what_a_bot_raises_is_told_with_its_line(start: Start, board: BatchedGame) -> None:
+    policy = start("def act(seen):\n    return 1 / 0\n")
+
+    assert act(policy, board) == UNREADABLE
+    assert 'bot.py", line 2, in act' in (policy.take_faults(0).first_traceback or "")
+
+
+def test_faults_can_be_asked_for_after_the_match(start: Start, board: BatchedGame) -> None:
+    policy = start("def act(seen):\n    return 1 / 0\n")
+    act(policy, board)
+
+    policy.end(0, OVER)
+
+    assert policy.take_faults(0).raised == 1
+
+
+def test_what_it_prints_is_passed_on_up_to_its_limit(start: Start, board: BatchedGame, capfd: pytest.CaptureFixture[str]) -> None:
+    met: list[str] = []
+    limits = BEHIND_A_WALL.with_(["output_kb=10"])
+    policy = start(
+        "def act(seen):\n    for _ in range(1000): print('x' * 1000)\n    return [0] * 6\n",
+        **{**walls(), "limits": limits, "on_limit": met.append},
+    )
+
+    assert act(policy, board) == [0] * 6
+
+    assert 9_000 < len(capfd.readouterr().err) <= 10 << 10
+    assert met == ["output"]
+
+
+@pytest.mark.parametrize(
+    ("source", "says"),
+    [
+        ("import no_such_module\n", "bot.py, line 1: the bot cannot be imported: ModuleNotFoundError"),
+        ("import os\nos._exit(0)\n", "cannot start: its process ended with exit code 0"),
+        ("x = bytearray(5 << 30)\n", "cannot start: "),
+        ("import time\ntime.sleep(1000)\n", "cannot start: it was not ready after 2 s"),
+    ],
+)
+def test_a_bot_that_cannot_start_is_told_of_in_a_sentence(source: str, says: str, start: Start) -> None:
+    with pytest.raises(PolicyError) as refused:
+        start(source, **walls(), patience_s=2.0)
+
+    assert says in str(refused.value)
+
+
+def test_a_bot_that_never_answers_is_ended_where_it_is_waited_for(start: Start, board: BatchedGame) -> None:
+    policy = start("def act(seen):\n    while True: pass\n", patience_s=2.0)
+
+    assert act(policy, board) == UNREADABLE
+    assert "did not answer within 2 s" in (policy.take_faults(0).first_traceback or "")
