@@ -96,7 +96,7 @@ def test_a_fact_that_was_changed_is_refused(fact: Statement, is_data: bool, at: 
 
 
 def test_a_message_that_is_no_fact_is_none_though_the_pit_signed_it() -> None:
-    data = encode(Orders(tick=1, actions=b""))
+    data = encode(Orders(tick=1, actions=b""), STATEMENT_VERSION)
 
     with pytest.raises(ForgedError, match="no fact"):
         read_statement(Signed(data=data, signature=PIT.sign("fact", data)), PIT.public)
