@@ -1,9 +1,13 @@
-"""Read files that a stranger may have made: regular ones alone, and no more bytes than such a file can have."""
+"""Read files that a stranger may have made: regular ones alone, and no more bytes than such a file can have. Write over none."""
 
+import logging
 import os
 import stat
 from errno import EFBIG, EINVAL, EISDIR
+from itertools import count
 from pathlib import Path
+
+logger = logging.getLogger(__name__)
 
 MOST_BYTES = 1 << 26
 """More than any journal or transcript has."""
@@ -58,3 +62,22 @@ def _check(found: os.stat_result, most_bytes: int) -> None:
 
 def _too_large(most_bytes: int) -> OSError:
     return OSError(EFBIG, f"it is larger than {most_bytes:,} bytes")
+
+
+def keep_former(path: Path, data: bytes = b"") -> None:
+    """Give a file that is there the first free number behind its name, unless it holds `data`: nothing is written over.
+
+    A journal may be there: of a match that was void and is played again, or one that does not hold.
+    """
+    if not os.path.lexists(path) or (data and _holds(path, data)):
+        return
+    free = next(free for number in count(1) if not os.path.lexists(free := path.with_name(f"{path.name}.{number}")))
+    path.rename(free)
+    logger.info("%s was there already, and is %s now", path, free.name)
+
+
+def _holds(path: Path, data: bytes) -> bool:
+    try:
+        return read_file(path, len(data)) == data
+    except OSError:
+        return False

@@ -11,7 +11,7 @@ from arena.game.engine import warm as warm_games
 from arena.game.ruleset import load
 from arena.game.state import StateField
 from arena.game.types import Team
-from arena.records.journal import Journal, match_id, read_journal
+from arena.records.journal import Journal, read_journal
 from arena.records.replay import BrokenChainError, replay
 from arena.records.verification import check_seals
 
@@ -47,7 +47,7 @@ def describe_match(data: bytes) -> dict[str, Any]:
     except BrokenChainError as error:
         broken = {"tick": error.tick, "sentence": str(error)}
     return {
-        "match": match_id(header.identity),
+        "match": journal.name,
         "identity": header.identity,
         "names": [header.blue, header.red],
         "rules": describe_rules(header.ruleset),

@@ -89,6 +89,8 @@ class UnfinishedFound:
     journal: Journal
     entries: dict[Team, bytes]
     """Public keys of those who play."""
+    nonce: bytes
+    """In the match's name on the network."""
     n_bytes: int
     """Length of the journal up to its last whole record."""
 

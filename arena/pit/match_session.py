@@ -31,7 +31,8 @@ from arena.protocol.messages import (
 from arena.protocol.sealing import Opener, Sealer, truth_sealer
 from arena.protocol.signed import check_receipt, commit, sign_journal, sign_statement
 from arena.records.framing import rules_values
-from arena.records.journal import journal_name, match_id, write_receipt, write_seats, write_signature
+from arena.records.journal import journal_name, write_receipt, write_seats, write_signature
+from arena.records.plan import network_name
 
 MOST_REJECTED = 512
 """Messages of a seat that are forged or come again, between two calls of `advance`; no more of them are tried, or counted."""
@@ -77,16 +78,16 @@ class SeatSession:
 class MatchSession:
     """A match of a pit, from its drawn board to its signed journal."""
 
-    def __init__(self, context: PitContext, match: Match, entries: dict[Team, bytes]) -> None:
+    def __init__(self, context: PitContext, match: Match, entries: dict[Team, bytes], nonce: bytes) -> None:
         self.match, self._context = match, context
-        self.id = match_id(match.header.identity)
+        self.id = network_name(match.header.identity, context.identity.public, nonce)
         self.ending: Signed | None = None
         """How the match ended, as both seats and everyone else get it."""
         self.names = [match.header.blue, match.header.red]
         self.seats = {team: SeatSession(name, entries[team]) for team, name in zip(Team, self.names, strict=True)}
         commitment = sign_statement(context.identity, Commitment(match=self.id, digest=commit(self.id, match.header.keys)))
         self._commitment = encode(commitment)
-        self._seats_record = write_seats(context.identity.public, entries, commitment.signature)
+        self._seats_record = write_seats(context.identity.public, entries, commitment.signature, nonce)
         self._unwritten = b""
         """What the journal begins with, until there is something to write behind it."""
         make_truth = None

@@ -27,13 +27,14 @@ from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Ended, Message, Orders, PublicState, Signed, Truth
 from arena.protocol.sealing import truth_sealer
 from arena.protocol.signed import STATEMENT_VERSION, commit, sign_statement
-from arena.records.journal import Header, match_id, read_journal
+from arena.records.journal import Header, read_journal
+from arena.records.plan import network_name
 from arena.records.replay import replay
 from clients.spectator import MOST_CLOSED, SALT_BYTES, Frame, Spectator, watch
 
 RULES = load("paper").with_({"side": 10, "tick_limit": 12})
 IDENTITY = "pit/0/ann/bob"
-MATCH = match_id(IDENTITY)
+MATCH = network_name(IDENTITY, b"", b"")
 KEYS = MatchKeys(map_key=b"\x07" * 32, match_key=b"\x08" * 32)
 PIT, STRANGER = Identity.make(), Identity.make()
 KEY, SALT = b"k" * 32, b"s" * 32
@@ -46,7 +47,7 @@ class Show:
         header = Header(identity=IDENTITY, blue="ann", red="bob", ruleset=RULES, keys=KEYS)
         match, chance = Match(header, TimeControl(turn_time_s=None), 0.0), random.Random(3)
         context = PitContext(pit="pit", identity=identity, spectator_key=spectator_key)
-        self._session = MatchSession(context, match, {team: Identity.make().public for team in Team})
+        self._session = MatchSession(context, match, {team: Identity.make().public for team in Team}, b"")
         self.journal = match.start_record
         self.public: list[bytes] = []
         self.truths: list[bytes] = []

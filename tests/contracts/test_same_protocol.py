@@ -92,12 +92,12 @@ from arena.protocol.topics import (
 from arena.records.journal import (
     Journal,
     journal_name,
-    match_id,
     write_receipt,
     write_seats,
     write_signature,
 )
 from arena.records.journal import read_journal as read_journal_bytes
+from arena.records.plan import network_name
 from arena.records.transcript import (
     Head,
     TranscriptHeader,
@@ -267,7 +267,9 @@ def test_the_keys_of_a_match_follow_from_a_seed_as_before(same: Same) -> None:
 
 def test_files_and_matches_are_called_as_before(same: Same) -> None:
     identities = ("pit/0", "league/a/b/0003/a-blue/0", "a+b", "ä b/%2F/..")
-    lines = [f"{match_id(one)} {journal_name(one)}" for one in identities]
+    before, now = (b"", b""), (A, A[:16])
+    lines = [f"{network_name(one, *before)} {journal_name(one)}" for one in identities]
+    lines += [network_name(one, *now) for one in identities]
     lines += [transcript_name(pit, match, team) for pit, match in (("pit", MATCH), ("p+/", "ä")) for team in Team]
 
     same("names.txt", "\n".join([*lines, ""]))
@@ -361,7 +363,7 @@ def test_a_request_that_was_sealed_before_is_opened_and_gives_the_same_keys_of_a
 
 def seal(small: Journal, data: bytes) -> bytes:
     """Return a journal as a pit on the network writes it."""
-    match, shown = match_id(small.header.identity), watch(small)
+    match, shown = small.name, watch(small)
     commitment = sign_statement(PIT, Commitment(match=match, digest=commit(match, small.header.keys))).signature
     begin = data.index(small.start_chain) + len(small.start_chain)
     receipts = b""
@@ -391,8 +393,8 @@ def test_a_sealed_journal_has_the_bytes_of_before_and_holds(small: Journal, smal
 @pytest.mark.parametrize("team", Team, ids=lambda team: team.name.lower())
 def test_a_transcript_has_the_bytes_of_before(team: Team, small: Journal, same: Same, tmp_path: Path) -> None:
     header = TranscriptHeader(
-        match=match_id(small.header.identity), pit="pit", pit_key=PIT.public, entry_key=ANN.public, name="ann", opponent="bob",
-        team=team, ruleset=small.header.ruleset, commitment=commit(match_id(small.header.identity), small.header.keys),
+        match=small.name, pit="pit", pit_key=PIT.public, entry_key=ANN.public, name="ann", opponent="bob",
+        team=team, ruleset=small.header.ruleset, commitment=commit(small.name, small.header.keys),
     )  # fmt: skip
     path = tmp_path / "kept.transcript"
     n_blue = len(small.header.ruleset.team(Team.BLUE))
