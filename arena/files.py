@@ -1,11 +1,15 @@
-"""Read files that a stranger may have made: regular ones alone, and no more bytes than such a file can have."""
+"""Read files that a stranger may have made: regular ones alone, and no more bytes than such a file can have. Write over none."""
 
+import logging
 import os
 import stat
 import tomllib
 from errno import EFBIG, EINVAL, EISDIR
+from itertools import count
 from pathlib import Path
 from typing import Any
+
+logger = logging.getLogger(__name__)
 
 MOST_BYTES = 1 << 26
 """More than any journal or transcript has."""
@@ -68,3 +72,22 @@ def parse_toml(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise ValueError("its values are nested too deeply") from None
+
+
+def keep_former(path: Path, data: bytes = b"") -> None:
+    """Give a file that is there the first free number behind its name, unless it holds `data`: nothing is written over.
+
+    A journal may be there: of a match that was void and is played again, or one that does not hold.
+    """
+    if not os.path.lexists(path) or (data and _holds(path, data)):
+        return
+    free = next(free for number in count(1) if not os.path.lexists(free := path.with_name(f"{path.name}.{number}")))
+    path.rename(free)
+    logger.info("%s was there already, and is %s now", path, free.name)
+
+
+def _holds(path: Path, data: bytes) -> bool:
+    try:
+        return read_file(path, len(data)) == data
+    except OSError:
+        return False

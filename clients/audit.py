@@ -7,7 +7,7 @@ from arena.errors import JournalError, LostPitError, ProtocolError, RefusedError
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import JournalPiece, JournalRequest, Refusal, Wait
 from arena.protocol.signed import check_journal, commit
-from arena.records.journal import match_id, read_journal
+from arena.records.journal import read_journal
 from clients.seat import Seat
 
 _MOST_BYTES = 1 << 24
@@ -59,7 +59,7 @@ def audit(seat: Seat, data: bytes, pit_key: bytes) -> Verdict:
         check_journal(pit_key, journal.ending_chain or b"", seals.signature)
     except (JournalError, ProtocolError) as error:
         return False, str(error)
-    match = match_id(journal.header.identity)
+    match = journal.name
     if match != seat.ticket.match:
         return False, f"the journal is of match {match}"
     if commit(match, journal.header.keys) != seat.commitment:

@@ -25,7 +25,10 @@ class Disconnected:
 
 @dataclass(frozen=True, slots=True)
 class TimePassed:
-    """Some time has passed over a connection that still stands."""
+    """Some time has passed over a connection that still stands, and all that had arrived by now was handed in.
+
+    So an answer that lies unread while a policy thinks is not taken for silence.
+    """
 
 
 @dataclass(frozen=True, slots=True)

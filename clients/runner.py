@@ -105,6 +105,7 @@ class Runner:
                 now_s = time.monotonic()
                 if now_s - checked_at_s > TICK_S:
                     checked_at_s = now_s
+                    self._take_all()
                     if not session.is_connected() or not self._carry_out(core.receive(events.TimePassed(), now_s)):
                         return
                 event = self._wait()
@@ -113,6 +114,17 @@ class Runner:
         finally:
             for slot in list(self._channels):
                 self._close(slot)
+
+    def _take_all(self) -> None:
+        """Hand in what has arrived; not the answers to what follows."""
+        channel = self._channels.get(0)
+        take = None if channel is None or channel.collector is None else channel.collector.take
+        arrived = [self._inbox.get() for _ in range(self._inbox.qsize())]
+        while take is not None and len(arrived) < MOST_WAITING and (sample := take()) is not None:
+            if not is_heartbeat(sample):
+                arrived.append(partial(_deliver, 0, sample))
+        for make_event in arrived:
+            self._carry_out(self._core.receive(make_event(), time.monotonic()))
 
     def _wait(self) -> events.Event | None:
         """Return what happens next; None if nothing does for about `TICK_S`."""

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, from_dict
 from arena.game.types import Team
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult, Thinking
-from arena.protocol.messages import Ended, History, Message, Orders, Ready, Ticket, Turn
+from arena.protocol.messages import UNKNOWN_US, Ended, History, Message, Orders, Ready, Ticket, Turn
 from arena.protocol.observation_codec import ObservationReader
 from arena.protocol.topics import is_chunk
 from arena.records.transcript import Head, TranscriptWriter
@@ -61,6 +62,8 @@ class _Shown(NamedTuple):
     observation: bytes
     played: bytes | None
     """The orders that were played, if that is history."""
+    charged_us: int
+    """As in `Turn`."""
 
 
 class Seat:
@@ -106,6 +109,11 @@ class Seat:
     def owes_ready(self) -> bool:
         """Whether the policy still starts, or sees its history: the referee has nothing to say until then."""
         return self._must_say_ready or (self._caught_up_at is not None and bool(self._waiting))
+
+    @property
+    def transcript(self) -> Path | None:
+        """The file of what this seat is shown, if that is kept."""
+        return None if self._transcript is None else self._transcript.path
 
     def keep(self, transcript: TranscriptWriter) -> None:
         """Write what this seat is shown to a transcript."""
@@ -191,7 +199,7 @@ class Seat:
             return []
         if turn.tick == self._n_received:
             self._read(turn.observation, turn.tick)
-            self._waiting.append(_Shown(turn.observation, None))
+            self._waiting.append(_Shown(turn.observation, None, turn.charged_us))
         self._asked_tick = turn.tick
         if turn.tick < self.known_ticks:
             return [self._orders_of(turn.tick)]
@@ -206,7 +214,7 @@ class Seat:
         missed = list(zip(history.observations[n_known:], history.orders[n_known:], strict=False))
         for tick, (observation, _) in enumerate(missed, start=n_received):
             self._read(observation, tick)
-        self._waiting += [_Shown(*one) for one in missed]
+        self._waiting += [_Shown(*one, UNKNOWN_US) for one in missed]
         self.is_behind = False
         if history.end_tick > self.known_ticks:
             self._caught_up_at = history.end_tick
@@ -238,7 +246,7 @@ class Seat:
         self._answers.append(self._orders.tobytes() if shown.played is None else shown.played)
         self._head.add(shown.observation)
         if self._transcript is not None:
-            self._transcript.add(shown.observation, self._answers[-1])
+            self._transcript.add(shown.observation, self._answers[-1], shown.charged_us)
 
     def _end(self, ended: Ended) -> None:
         """End the match at once, even if the policy still thinks."""

@@ -9,7 +9,7 @@ from arena.errors import JournalError
 from arena.game.engine import BatchedGame
 from arena.game.state import StateField
 from arena.game.types import Team
-from arena.records.journal import Journal, match_id, read_journal
+from arena.records.journal import Journal, read_journal
 from arena.records.replay import BrokenChainError, replay
 from arena.records.verification import check_seals
 
@@ -40,7 +40,7 @@ def describe_match(data: bytes) -> dict[str, Any]:
     except BrokenChainError as error:
         broken = {"tick": error.tick, "sentence": str(error)}
     return {
-        "match": match_id(header.identity),
+        "match": journal.name,
         "identity": header.identity,
         "names": [header.blue, header.red],
         "rules": describe_rules(header.ruleset),

@@ -44,6 +44,9 @@ def show_transcript(console: Console, file: Path, tick: int | None, speed: float
             f"tick {number} of {header.ruleset.tick_limit}   score {now.score:+d}   units {now.living[0]}:{now.living[1]}"
             f"{'' if now.clock_s is None else f'   bank {now.clock_s:.1f} s'}"
         )
+        charged_us = transcript.charges_us[number]
+        if charged_us is not None:
+            title += f"   charged {charged_us / 1e6:.3f} s"
         orders = f"orders: {format_orders(now, transcript.ticks[number][1])}"
         if is_live(console):  # a line each, beside boards that fill the height of a small screen
             aside, height = orders.replace(", ", "\n").replace(": ", "\n"), console.height if tick is None else None

@@ -23,6 +23,8 @@ class Ask(NamedTuple):
     tick: int
     observation: bytes
     """As `arena.protocol.observation_codec.ObservationWriter` writes it."""
+    charged_us: int
+    """What the seat was charged for the turn before, as `arena.protocol.messages.Turn` has it."""
 
 
 class Publish(NamedTuple):

@@ -204,8 +204,11 @@ class Match:
             seat.record.vanished += 1
         return []
 
-    def submit(self, team: Team, tick: int, actions: bytes, now_s: float) -> list[Effect]:
-        """Take a seat's orders; the first readable message of a tick counts, and what it lacks means to stay."""
+    def submit(self, team: Team, tick: int, actions: bytes, now_s: float, arrived_s: float | None = None) -> list[Effect]:
+        """Take a seat's orders; the first readable message of a tick counts, and what it lacks means to stay.
+
+        The seat is charged until `arrived_s`, if the orders lay there before they were taken up `now_s`.
+        """
         seat = self._seats[team]
         answer = actions[: seat.n_units].translate(_EFFECT).ljust(seat.n_units, _STAY)
         if self.phase is not Phase.PLAYING or tick != self.tick or seat.has_answered:
@@ -215,7 +218,7 @@ class Match:
         seat.answer = answer
         if answer != actions:
             seat.mark |= Mark.UNREADABLE
-        seat.record.latencies_s.append(seat.clock.charge(now_s))
+        seat.record.latencies_s.append(seat.clock.charge(now_s if arrived_s is None else arrived_s))
         seat.has_answered, seat.missed = True, 0
         return self._turn(now_s) if self._is_complete() else []
 
@@ -253,7 +256,8 @@ class Match:
             seat.answer = _STAY * seat.n_units
             seat.mark |= Mark.LATE
             seat.missed += 1
-            seat.clock.bank_s, seat.has_answered = 0.0, True
+            seat.clock.charge_all()
+            seat.has_answered = True
             seat.late_ticks.add(self.tick)
         idle = [seat.team for seat in self._seats.values() if seat.missed >= self.time_control.most_missed]
         if idle:
@@ -328,7 +332,7 @@ class Match:
         return effects
 
     def _ask(self, seat: _Seat) -> Ask:
-        return Ask(team=seat.team, tick=len(self._past), observation=seat.shown[-1])
+        return Ask(seat.team, len(self._past), seat.shown[-1], seat.clock.charged_us)
 
     def _forfeit(self, losers: Iterable[Team], why: str) -> list[Effect]:
         teams = list(losers)

@@ -6,6 +6,7 @@ The clock of a turn runs while the seat is there and has seen all before that tu
 import math
 
 from arena.match.time_control import TimeControl
+from arena.protocol.messages import MOST_US, UNKNOWN_US
 
 
 class SeatClock:
@@ -22,6 +23,8 @@ class SeatClock:
         self._caught_up_s = 0.0
         """Spent on seeing ticks again, in the whole match."""
         self._asked_at_s = 0.0
+        self.charged_us = UNKNOWN_US
+        """For the turn that was answered, or ruled late, last."""
 
     @property
     def is_away(self) -> bool:
@@ -84,12 +87,21 @@ class SeatClock:
         turn_time_s = self._time_control.turn_time_s
         return turn_time_s is not None and self.is_running and now_s >= self._asked_at_s + turn_time_s + self.bank_s
 
-    def charge(self, now_s: float) -> float:
-        """Charge the bank for what the turn took beyond its time, and return what it took in all."""
-        took_s = now_s - self._asked_at_s
+    def charge(self, answered_at_s: float) -> float:
+        """Charge the turn for what it took, and the bank for what that was beyond its time; return what it took."""
+        took_s = max(answered_at_s - self._asked_at_s, 0.0)
+        self._charge(took_s)
         if self._time_control.turn_time_s is not None:
             self.bank_s = max(self.bank_s - max(took_s - self._time_control.turn_time_s, 0.0), 0.0)
         return took_s
+
+    def charge_all(self) -> None:
+        """Charge a turn without an answer: all of its time, and the whole bank."""
+        self._charge((self._time_control.turn_time_s or 0.0) + self.bank_s)
+        self.bank_s = 0.0
+
+    def _charge(self, took_s: float) -> None:
+        self.charged_us = min(round(took_s * 1e6), MOST_US)
 
     def _skip(self, since_s: float, now_s: float) -> None:
         self._asked_at_s += now_s - max(since_s, self._asked_at_s)

@@ -40,6 +40,8 @@ class ActionReceived(NamedTuple):
     match: str
     team: Team
     payload: bytes
+    arrived_s: float | None = None
+    """When it may have arrived at the earliest, if it lay in the queue while something else was done."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,8 @@ class UnfinishedFound:
     journal: Journal
     entries: dict[Team, bytes]
     """Public keys of those who play."""
+    nonce: bytes
+    """In the match's name on the network."""
     n_bytes: int
     """Length of the journal up to its last whole record."""
 

@@ -7,7 +7,7 @@ from itertools import count
 from pathlib import Path
 
 from arena.errors import ArenaError, JournalError
-from arena.files import read_file
+from arena.files import keep_former, read_file
 from arena.pit.events import UnfinishedFound
 from arena.protocol.codec import encode
 from arena.protocol.messages import JournalPiece, Refusal
@@ -42,7 +42,8 @@ class JournalFile:
             if self._fsync:
                 os.fdatasync(self._descriptor)
             if self._name != self._path and n_written == len(data):
-                self._path = self._path.replace(self._name)
+                keep_former(self._name)
+                self._path = self._path.rename(self._name)
         except OSError as error:
             raise _failure(error) from error
         if n_written != len(data):
@@ -125,4 +126,4 @@ def find_unfinished(folder: Path) -> Iterator[UnfinishedFound]:
             logger.warning("%s cannot be resumed: %s", path.name, error.strerror)
             continue
         if journal.ending is None and journal.seals is not None:
-            yield UnfinishedFound(path.name, journal, journal.seals.entries, len(whole))
+            yield UnfinishedFound(path.name, journal, journal.seals.entries, journal.seals.nonce, len(whole))

@@ -31,7 +31,8 @@ from arena.protocol.messages import (
 from arena.protocol.sealing import Opener, Sealer, truth_sealer
 from arena.protocol.signed import check_receipt, commit, sign_journal, sign_statement
 from arena.records.framing import rules_values
-from arena.records.journal import journal_name, match_id, write_receipt, write_seats, write_signature
+from arena.records.journal import journal_name, write_receipt, write_seats, write_signature
+from arena.records.plan import network_name
 
 MOST_REJECTED = 512
 """Messages of a seat that are forged or come again, between two calls of `advance`; no more of them are tried, or counted."""
@@ -77,16 +78,16 @@ class SeatSession:
 class MatchSession:
     """A match of a pit, from its drawn board to its signed journal."""
 
-    def __init__(self, context: PitContext, match: Match, entries: dict[Team, bytes]) -> None:
+    def __init__(self, context: PitContext, match: Match, entries: dict[Team, bytes], nonce: bytes) -> None:
         self.match, self._context = match, context
-        self.id = match_id(match.header.identity)
+        self.id = network_name(match.header.identity, context.identity.public, nonce)
         self.ending: Signed | None = None
         """How the match ended, as both seats and everyone else get it."""
         self.names = [match.header.blue, match.header.red]
         self.seats = {team: SeatSession(name, entries[team]) for team, name in zip(Team, self.names, strict=True)}
         commitment = sign_statement(context.identity, Commitment(match=self.id, digest=commit(self.id, match.header.keys)))
         self._commitment = encode(commitment)
-        self._seats_record = write_seats(context.identity.public, entries, commitment.signature)
+        self._seats_record = write_seats(context.identity.public, entries, commitment.signature, nonce)
         self._unwritten = b""
         """What the journal begins with, until there is something to write behind it."""
         make_truth = None
@@ -135,11 +136,11 @@ class MatchSession:
             commitment=self._commitment,
         )
 
-    def receive(self, team: Team, payload: bytes, now_s: float) -> list[Effect]:
-        """Take a message on a seat's key. Junk is counted, and uses up nothing of the seat's."""
+    def receive(self, team: Team, payload: bytes, now_s: float, arrived_s: float | None = None) -> list[Effect]:
+        """Take a message on a seat's key, which came at `arrived_s`. Junk is counted, and uses up nothing of the seat's."""
         message = self._open(team, payload)
         if type(message) is Orders:
-            match_effects = self.match.submit(team, message.tick, message.actions, now_s)
+            match_effects = self.match.submit(team, message.tick, message.actions, now_s, arrived_s)
             return self.carry(match_effects) if match_effects else []
         if type(message) is Ready:
             return self._welcome(team, max(message.known_ticks, 0), now_s)
@@ -219,7 +220,8 @@ class MatchSession:
         if seat.sealer is None:
             return None
         if seat.sent[0] != ask.tick:
-            seat.sent = ask.tick, seat.sealer.close(encode(Turn(tick=ask.tick, observation=ask.observation)), ask.tick)
+            turn = Turn(tick=ask.tick, observation=ask.observation, charged_us=ask.charged_us)
+            seat.sent = ask.tick, seat.sealer.close(encode(turn), ask.tick)
         return seat.sent[1]
 
     def _welcome(self, team: Team, known: int, now_s: float) -> list[Effect]:

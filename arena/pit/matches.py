@@ -1,6 +1,7 @@
 """All matches of a pit: those that run, those that wait for their receipts, and the journals of those that are over."""
 
 import logging
+import secrets
 from collections import OrderedDict
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from arena.pit.seating import Pairing, Seating
 from arena.pit.seats import Seat, SeatBook, SlotId
 from arena.protocol.handshake import Caller
 from arena.protocol.messages import JoinRequest, Signed, Ticket
-from arena.records.journal import Header
+from arena.records.journal import NONCE_BYTES, Header
 
 logger = logging.getLogger(__name__)
 
@@ -68,7 +69,8 @@ class Matches:
         plan = pairing.plan
         header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
         entries = {team: slot.entry for team, slot in pairing.slots.items()}
-        session = MatchSession(self._context, Match(header, self._time_control, now_s), entries)
+        match = Match(header, self._time_control, now_s)
+        session = MatchSession(self._context, match, entries, secrets.token_bytes(NONCE_BYTES))
         self._running[session.id] = session
         for team, slot in pairing.slots.items():
             self._seats.take(Seat(session.id, team), slot)
@@ -84,17 +86,17 @@ class Matches:
         except JournalError as error:
             logger.warning("%s cannot be resumed: %s", found.name, error)
             return []
-        session = MatchSession(self._context, match, found.entries)
+        session = MatchSession(self._context, match, found.entries, found.nonce)
         self._running[session.id] = session
         logger.info("resumed %s at tick %d", match.header.identity, match.tick)
         return [OpenMatch(session.id, found.name, found.n_bytes), *self._settle(session, session.carry(match_effects), now_s)]
 
     def receive(self, event: ActionReceived, now_s: float) -> list[Effect]:
         """Take a message on a seat's key."""
-        match, team, payload = event
+        match, team, payload, arrived_s = event
         session = self._running.get(match)
         if session is not None:
-            effects = session.receive(team, payload, now_s)
+            effects = session.receive(team, payload, now_s, arrived_s)
             return effects if session.ending is None else self._settle(session, effects, now_s)
         closing = self._closing.get(match)
         if closing is None:

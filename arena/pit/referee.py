@@ -89,6 +89,8 @@ class Referee:
         self._channels: dict[str, MatchChannels] = {}
         self._is_stopping, self._has_failed = False, False
         self.n_dropped = 0
+        self._empty_at_s = 0.0
+        """When no action waited."""
         self._carry_out: dict[type[Effect], Callable[[Any], None]] = {
             OpenMatch: self._open_match,
             CloseMatch: lambda effect: self._channels.pop(effect.match).close(),
@@ -138,7 +140,10 @@ class Referee:
         """Referee until `until()`, asked every hundredth of a second, or until `stop`."""
         next_sweep_s = 0.0
         while not self._is_stopping:
-            self._take_action(self._actions.wait())  # at the latest when the session's own beat comes
+            if not self._take_actions(1):
+                sample = self._actions.wait()  # at the latest when the session's own beat comes
+                self._empty_at_s = time.monotonic()
+                self._take_action(sample, None)
             now_s = time.monotonic()
             if now_s >= next_sweep_s:
                 self._take_actions()
@@ -200,20 +205,26 @@ class Referee:
             raise
         return effects
 
-    def _take_action(self, sample: Sample) -> None:
+    def _take_action(self, sample: Sample, arrived_s: float | None) -> None:
         try:
             match, team = topics.read_action(read_key(sample))
         except UnreadableError:
             return
-        self._hand_in(ActionReceived(match, team, read_payload(sample)))
+        self._hand_in(ActionReceived(match, team, read_payload(sample), arrived_s))
 
-    def _take_actions(self) -> None:
-        """Hand in the actions that have come; not the answers to what follows, or it would never end where all are quick."""
-        for _ in range(2 * self._core.n_running + _MOST_JUNK):
+    def _take_actions(self, most: int | None = None) -> bool:
+        """Hand in the actions that have come, and return whether any had.
+
+        Not the answers to what follows, or it would never end where all are quick. They came while this thread did something
+        else, which no seat is charged for: their clocks stop when the queue was seen empty last.
+        """
+        for number in range(most or 2 * self._core.n_running + _MOST_JUNK):
             sample = self._actions.take()
             if sample is None:
-                return
-            self._take_action(sample)
+                self._empty_at_s = time.monotonic()
+                return number > 0
+            self._take_action(sample, self._empty_at_s)
+        return True
 
     def _open_requests(self) -> None:
         while self._core.may_open_request:

@@ -23,6 +23,10 @@ from typing import Any
 
 PROTOCOL_VERSION = 4
 """Rises with every change of a message."""
+UNKNOWN_US = -1
+"""Of what a turn was charged: it was the first, or was played before the pit came back."""
+MOST_US = 2**32 - 2
+"""No turn is charged more; each number up to it fits in 4 bytes, with one to spare."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,6 +188,8 @@ class Turn:
     tick: int
     observation: bytes
     """As `arena.protocol.observation_codec.ObservationWriter` writes it: of one length per ruleset."""
+    charged_us: int = UNKNOWN_US
+    """What the pit's clock charged the seat for the turn before, in microseconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,6 +9,8 @@ from arena.protocol.codec import decode, encode
 from arena.protocol.identity import Identity, verify
 from arena.protocol.messages import Commitment, Ended, Lobby, Receipt, Signed
 
+STATEMENT_VERSION = 3
+"""Rises when a statement changes, and not with the protocol: a journal holds the signature of one, which is to hold for good."""
 _FACT, _RECEIPT, _JOURNAL = "fact", "receipt", "journal"
 HEAD_BYTES = 32
 """Of a transcript."""
@@ -22,14 +24,14 @@ def commit(match: str, keys: MatchKeys) -> bytes:
 
 def sign_statement(identity: Identity, fact: Statement) -> Signed:
     """Return a fact under the pit's signature."""
-    data = encode(fact)
+    data = encode(fact, STATEMENT_VERSION)
     return Signed(data=data, signature=identity.sign(_FACT, data))
 
 
 def read_statement(signed: Signed, pit_key: bytes) -> Statement:
     """Return what the pit signed; `ProtocolError` if it did not."""
     verify(pit_key, _FACT, signed.data, signed.signature)
-    fact = decode(signed.data)
+    fact = decode(signed.data, STATEMENT_VERSION)
     if not isinstance(fact, Statement):
         raise ForgedError("what was signed is no fact")
     return fact

@@ -7,6 +7,7 @@ behind, which is not canonical: who played, and their word on it.
     magic                                               16 bytes
     "H"  length (uint32)  header (msgpack)  chain       rules, entries, keys; the chain begins with the drawn board
     "K"  pit key  blue's key  red's key  signature      not canonical: of the commitment to the keys, made before the first tick
+    "N"  nonce                                          not canonical: 16 bytes that make the match's name on the network unique
     "T"  orders  marks  chain                           one a tick: a byte per unit, a byte per team, 32 bytes
     "E"  length (uint32)  ending (msgpack)  chain       once the match is over
     "R"  team  shown (uint32)  head  signature          not canonical: a seat's receipt
@@ -28,6 +29,7 @@ from urllib.parse import quote, unquote
 import msgpack
 
 from arena.errors import InputError, JournalError
+from arena.files import keep_former
 from arena.game.keys import KEY_BYTES, MatchKeys
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION, Team
@@ -45,13 +47,15 @@ from arena.records.framing import (
     read_header,
     rules_values,
 )
+from arena.records.plan import network_name
 
 MAGIC = b"ARENA-JOURNAL-1\n"
 CHAIN_BYTES = 32
 _KIND = "journal"
 _SUFFIX = ".journal"
 _SEATS_BYTES = 3 * PUBLIC_BYTES + SIGNATURE_BYTES
-_SEAL_BYTES = {b"R": 1 + 4 + CHAIN_BYTES + SIGNATURE_BYTES, b"S": SIGNATURE_BYTES}
+NONCE_BYTES = 16
+_SEAL_BYTES = {b"K": _SEATS_BYTES, b"N": NONCE_BYTES, b"R": 1 + 4 + CHAIN_BYTES + SIGNATURE_BYTES, b"S": SIGNATURE_BYTES}
 
 
 class Mark(IntFlag):
@@ -119,6 +123,8 @@ class Seals:
     pit_key: bytes
     entries: dict[Team, bytes]
     """Public keys."""
+    nonce: bytes
+    """As in `arena.records.plan.network_name`."""
     commitment: bytes
     """The pit's signature of the match's `Commitment`."""
     receipts: dict[Team, Receipt]
@@ -141,6 +147,12 @@ class Journal:
     """None if no network was between the players."""
     canonical: bytes
     """Its bytes without what is not canonical."""
+
+    @property
+    def name(self) -> str:
+        """What the match was called on the network, if there was one."""
+        seals = self.seals
+        return network_name(self.header.identity, b"" if seals is None else seals.pit_key, b"" if seals is None else seals.nonce)
 
     def keeps(self, tick: int, team: Team, orders: bytes) -> bool:
         """Whether a seat's orders are those of a tick, or were ruled late or unreadable; a tick that was not played keeps any."""
@@ -176,9 +188,10 @@ def write_ending(chain: bytes, result: MatchResult) -> bytes:
     return pack_frame(b"E", packed) + link(chain, packed)
 
 
-def write_seats(pit_key: bytes, entries: Mapping[Team, bytes], commitment: bytes) -> bytes:
-    """Return the record of who plays in a pit."""
-    return b"K" + pit_key + entries[Team.BLUE] + entries[Team.RED] + commitment
+def write_seats(pit_key: bytes, entries: Mapping[Team, bytes], commitment: bytes, nonce: bytes = b"") -> bytes:
+    """Return the records of who plays in a pit, and of the nonce in the match's name."""
+    seats = b"K" + pit_key + entries[Team.BLUE] + entries[Team.RED] + commitment
+    return seats + b"N" + nonce if nonce else seats
 
 
 def write_receipt(team: Team, receipt: Receipt) -> bytes:
@@ -189,11 +202,6 @@ def write_receipt(team: Team, receipt: Receipt) -> bytes:
 def write_signature(signature: bytes) -> bytes:
     """Return the record of the pit's signature."""
     return b"S" + signature
-
-
-def match_id(identity: str) -> str:
-    """Return what a match is called on the network."""
-    return sha256(identity.encode()).hexdigest()[:16]
 
 
 def read_journal(data: bytes) -> Journal:
@@ -209,6 +217,7 @@ def read_journal(data: bytes) -> Journal:
     start_chain = reader.take(CHAIN_BYTES, "its header")
     begin = len(data) - reader.left
     seats = _read_seats(reader) if reader.peek() == b"K" else None
+    first = len(data) - reader.left
     n_units = sum(len(header.ruleset.team(team)) for team in Team)
     ticks: list[TickRecord] = []
     while tag := reader.peek():
@@ -241,18 +250,22 @@ def read_journal(data: bytes) -> Journal:
         ending=ending,
         ending_chain=ending_chain,
         seals=seals,
-        canonical=data if seats is None else data[:begin] + data[begin + 1 + _SEATS_BYTES : end],
+        canonical=data if seats is None else data[:begin] + data[first:end],
     )
 
 
-def _read_seats(reader: FrameReader) -> tuple[bytes, dict[Team, bytes], bytes]:
+def _read_seats(reader: FrameReader) -> tuple[bytes, dict[Team, bytes], bytes, bytes]:
     where = "the record of its seats"
     reader.take(1, where)
     pit_key, blue, red = (reader.take(PUBLIC_BYTES, where) for _ in range(3))
-    return pit_key, {Team.BLUE: blue, Team.RED: red}, reader.take(SIGNATURE_BYTES, where)
+    commitment, nonce = reader.take(SIGNATURE_BYTES, where), b""
+    if reader.peek() == b"N":
+        reader.take(1, where)
+        nonce = reader.take(NONCE_BYTES, where)
+    return pit_key, {Team.BLUE: blue, Team.RED: red}, commitment, nonce
 
 
-def _read_seals(reader: FrameReader, pit_key: bytes, entries: dict[Team, bytes], commitment: bytes) -> Seals:
+def _read_seals(reader: FrameReader, pit_key: bytes, entries: dict[Team, bytes], commitment: bytes, nonce: bytes) -> Seals:
     receipts: dict[Team, Receipt] = {}
     while reader.peek() == b"R":
         reader.take(1, "a receipt")
@@ -268,7 +281,7 @@ def _read_seals(reader: FrameReader, pit_key: bytes, entries: dict[Team, bytes],
     if reader.peek() == b"S":
         reader.take(1, "its signature")
         signature = reader.take(SIGNATURE_BYTES, "its signature")
-    return Seals(pit_key=pit_key, entries=entries, commitment=commitment, receipts=receipts, signature=signature)
+    return Seals(pit_key=pit_key, entries=entries, nonce=nonce, commitment=commitment, receipts=receipts, signature=signature)
 
 
 def whole_part(data: bytes) -> bytes:
@@ -283,7 +296,7 @@ def whole_part(data: bytes) -> bytes:
             reader.take(1, "a record")
             if tag == b"E":
                 reader.take_frame("its ending")
-            reader.take({b"K": _SEATS_BYTES, b"T": n_tick_bytes, b"E": CHAIN_BYTES, **_SEAL_BYTES}.get(tag, 0), "a record")
+            reader.take({b"T": n_tick_bytes, b"E": CHAIN_BYTES, **_SEAL_BYTES}.get(tag, 0), "a record")
             whole = len(data) - reader.left
     except CutShortError:
         pass
@@ -313,6 +326,7 @@ def save_journal(folder: str, identity: str, data: bytes) -> None:
         raise
     finally:
         os.close(descriptor)
+    keep_former(Path(path), data)
     Path(draft).rename(path)
 
 

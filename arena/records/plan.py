@@ -5,16 +5,34 @@ Journals and stores call a match by its identity, a text:
     LEAGUE/ONE/OTHER/PAIR/BLUE-blue/REPEAT    of a league
     PIT/NUMBER/BLUE/RED                       of an open pit
     PIT/ladder/NUMBER/BLUE/RED                of an open pit with a ladder
+
+Two pits, or two runs of a league, may give the same identity. On the network, and in the files of clients, a match is called by a
+name that is unique in the world (`network_name`).
 """
 
 import re
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Self
 
 from arena.game.keys import MatchKeys
 
 _LEAGUE = re.compile(r"([^/]+)/([^/]+)/([^/]+)/(\d{4}|[1-9]\d{4,})/([^/]+)-blue/(0|[1-9]\d*)", re.ASCII)
 _PIT = re.compile(r"([^/]+)/(ladder/)?(\d{6}|[1-9]\d{6,})/([^/]+)/([^/]+)", re.ASCII)
+
+
+def network_name(identity: str, pit_key: bytes, nonce: bytes) -> str:
+    """Return what a match is called on the network.
+
+    Parameters
+    ----------
+    nonce
+        Random bytes that its pit drew for this match alone, and wrote into the journal; none in journals of before, whose matches
+        were called by their identity alone.
+    """
+    if not nonce:
+        return sha256(identity.encode()).hexdigest()[:16]
+    return sha256(b"arena match\0" + pit_key + nonce + identity.encode()).hexdigest()[:24]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,8 +4,12 @@ It is the client's own help, without any truth: a disk that fails ends the trans
 
     magic                                               19 bytes
     "H"  length (uint32)  header (msgpack)              pit, match, seat, rules
-    "T"  observation  orders                            one a tick: as `protocol.observation_codec` packs it, a byte per own unit
+    "T"  charged (uint32)  observation  orders          one a tick: what the pit's clock charged for the tick before, in us;
+                                                        as `protocol.observation_codec` packs it; a byte per own unit
     "E"  length (uint32)  ending (msgpack)  SHA-256     once the match is over: of all bytes before the hash
+
+Integers are little-endian; 0xFFFFFFFF where it is not known what was charged. Version 1 of the format, which is still read, has
+no charges.
 """
 
 import logging
@@ -15,7 +19,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
+from itertools import count
 from pathlib import Path
+from struct import Struct
 from types import TracebackType
 from typing import Any
 from urllib.parse import quote
@@ -28,6 +34,7 @@ from arena.game.observation import Observation
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION, Team
 from arena.policy import MatchResult
+from arena.protocol.messages import MOST_US, UNKNOWN_US
 from arena.protocol.observation_codec import ObservationReader, without_clock
 from arena.records.framing import (
     CutShortError,
@@ -43,7 +50,10 @@ from arena.records.framing import (
 
 logger = logging.getLogger(__name__)
 
-MAGIC = b"ARENA-TRANSCRIPT-1\n"
+MAGIC = b"ARENA-TRANSCRIPT-2\n"
+_FIRST_MAGIC = b"ARENA-TRANSCRIPT-1\n"
+_CHARGE = Struct("<I")
+_NO_CHARGE = 0xFFFFFFFF
 HEAD_BYTES = 32
 _KIND = "transcript"
 _BUFFER_BYTES = 1 << 12
@@ -102,7 +112,9 @@ class TranscriptHeader:
 
 
 class TranscriptWriter:
-    """Writes a transcript over one of the same name, readable by its owner alone.
+    """Writes a transcript, readable by its owner alone.
+
+    No file is written over: where `path` is there already, as after a client that was killed, the name gets a number.
 
     Raises
     ------
@@ -111,10 +123,9 @@ class TranscriptWriter:
     """
 
     def __init__(self, path: Path, header: TranscriptHeader) -> None:
-        self._path, self._hash = path, sha256()
+        self._hash = sha256()
         try:
-            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-            os.fchmod(descriptor, 0o600)  # a file that was there keeps its mode otherwise
+            self.path, descriptor = _create(path)
         except OSError as error:
             raise InputError(f"cannot write the transcript {path}: {error.strerror}") from error
         self._file = os.fdopen(descriptor, "wb", _BUFFER_BYTES)
@@ -130,9 +141,10 @@ class TranscriptWriter:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
-    def add(self, observation: bytes, orders: bytes) -> None:
-        """Keep one tick: an observation that could be read, and one order per own unit."""
-        self._write(b"T" + observation + orders)
+    def add(self, observation: bytes, orders: bytes, charged_us: int = UNKNOWN_US) -> None:
+        """Keep one tick: an observation that could be read, one order per own unit, and what the tick before was charged."""
+        is_known = 0 <= charged_us <= MOST_US
+        self._write(b"T" + _CHARGE.pack(charged_us if is_known else _NO_CHARGE) + observation + orders)
 
     def end(self, result: MatchResult) -> None:
         """Keep how the match ended, and close the file; `result.score` is the seat's own."""
@@ -157,7 +169,7 @@ class TranscriptWriter:
             self._give_up(error)
 
     def _give_up(self, error: OSError) -> None:
-        logger.warning("the transcript %s ends here: %s", self._path, error.strerror)
+        logger.warning("the transcript %s ends here: %s", self.path, error.strerror)
         with suppress(OSError):
             self._file.close()
 
@@ -169,6 +181,8 @@ class Transcript:
     header: TranscriptHeader
     ticks: list[tuple[bytes, bytes]]
     """The observation and the orders of each tick, from 0."""
+    charges_us: list[int | None]
+    """What the pit's clock charged for each tick, in microseconds; None where it is not known, as of the last."""
     ending: MatchResult | None
     """`score` is the seat's own; None if the match went on."""
     is_whole: bool
@@ -198,13 +212,17 @@ def read_transcript(data: bytes) -> Transcript:
         It is truncated within its header, was changed, or is not a transcript; the sentence says where.
     """
     source = FrameReader(data, _KIND)
-    header = TranscriptHeader.unpack(source.take_start(MAGIC))
+    has_charges = not data.startswith(_FIRST_MAGIC)
+    header = TranscriptHeader.unpack(source.take_start(MAGIC if has_charges else _FIRST_MAGIC))
     reader = ObservationReader(header.ruleset, header.team)
-    n_observation, n_orders = reader.n_bytes, len(header.ruleset.team(header.team))
+    n_observation, n_orders, n_charge = reader.n_bytes, len(header.ruleset.team(header.team)), _CHARGE.size * has_charges
     ticks: list[tuple[bytes, bytes]] = []
-    while source.peek() == b"T" and source.left > n_observation + n_orders:
+    charges: list[int | None] = []
+    while source.peek() == b"T" and source.left > n_charge + n_observation + n_orders:
         where = f"tick {len(ticks)}"
         source.take(1, where)
+        (charged_us,) = _CHARGE.unpack(source.take(n_charge, where)) if has_charges else (_NO_CHARGE,)
+        charges.append(None if charged_us == _NO_CHARGE else charged_us)
         observation = source.take(n_observation, where)
         try:
             number = int(reader.read(observation).tick[0])
@@ -218,7 +236,8 @@ def read_transcript(data: bytes) -> Transcript:
         raise JournalError(f"the transcript was changed: behind {len(ticks)} ticks stands a record that begins with {letter!r}")
     if letter == b"E":
         ending = _read_ending(source, data)
-    return Transcript(header=header, ticks=ticks, ending=ending, is_whole=not letter or ending is not None)
+    charges = [*charges[1:], None] if ticks else []  # each stands with the tick that follows
+    return Transcript(header=header, ticks=ticks, charges_us=charges, ending=ending, is_whole=not letter or ending is not None)
 
 
 def _read_ending(source: FrameReader, data: bytes) -> MatchResult | None:
@@ -241,7 +260,7 @@ def _read_ending(source: FrameReader, data: bytes) -> MatchResult | None:
 def is_transcript(path: Path) -> bool:
     """Whether a file begins as a transcript does; not so one that cannot be read."""
     try:
-        return read_file(path).startswith(MAGIC)
+        return read_file(path).startswith((MAGIC, _FIRST_MAGIC))
     except OSError:
         return False
 
@@ -254,3 +273,12 @@ def load_transcript(path: Path) -> Transcript:
 def transcript_name(pit: str, match: str, team: Team) -> str:
     """Return the file name of a seat's transcript; no two seats share one."""
     return "+".join(quote(part, safe="") for part in (pit, match, team.name.lower())) + ".transcript"
+
+
+def _create(path: Path) -> tuple[Path, int]:
+    """Create a file that was not there, and return its path and descriptor: `path`, or the first free one with a number."""
+    for number in count(1):
+        free = path if number == 1 else path.with_name(f"{path.stem}+{number}{path.suffix}")
+        with suppress(FileExistsError):
+            return free, os.open(free, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    raise AssertionError("there is always one more number")

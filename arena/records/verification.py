@@ -10,8 +10,8 @@ from arena.protocol.codec import encode
 from arena.protocol.identity import to_text
 from arena.protocol.messages import Commitment, Receipt, Signed
 from arena.protocol.observation_codec import ObservationWriter, without_clock
-from arena.protocol.signed import check_journal, check_receipt, commit, read_statement
-from arena.records.journal import Journal, match_id
+from arena.protocol.signed import STATEMENT_VERSION, check_journal, check_receipt, commit, read_statement
+from arena.records.journal import Journal
 from arena.records.replay import replay
 from arena.records.transcript import Head, Transcript
 
@@ -69,8 +69,8 @@ def check_seals(journal: Journal) -> Checked | None:
     seals = journal.seals
     if seals is None:
         return None
-    match = match_id(journal.header.identity)
-    commitment = encode(Commitment(match=match, digest=commit(match, journal.header.keys)))
+    match = journal.name
+    commitment = encode(Commitment(match=match, digest=commit(match, journal.header.keys)), STATEMENT_VERSION)
     shown = watch(journal)
     return Checked(
         commitment=_stands(lambda: read_statement(Signed(data=commitment, signature=seals.commitment), seals.pit_key)),
@@ -83,7 +83,7 @@ def check_seals(journal: Journal) -> Checked | None:
 
 def compare(journal: Journal, transcript: Transcript) -> str:
     """Return in what a seat's transcript differs from the journal of its match, or nothing; raises as `watch` does."""
-    header, match = transcript.header, match_id(journal.header.identity)
+    header, match = transcript.header, journal.name
     if header.match != match:
         return f"the transcript is of match {header.match}, the journal of {match}"
     if header.commitment != commit(match, journal.header.keys):

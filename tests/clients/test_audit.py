@@ -43,11 +43,11 @@ from arena.records.journal import (
     Header,
     Mark,
     journal_name,
-    match_id,
     write_receipt,
     write_seats,
     write_signature,
 )
+from arena.records.plan import network_name
 from clients.audit import JournalDownload, Verdict, audit
 from clients.seat import Seat
 
@@ -85,7 +85,7 @@ class Played:
 
     def __init__(self, identity: str = "pit/0/ann/bob", late: Callable[[Team, int], bool] = lambda *_: False) -> None:
         self.header = Header(identity=identity, blue="ann", red="bob", ruleset=RULES, keys=KEYS)
-        self.id = match_id(identity)
+        self.id = network_name(identity, b"", b"")
         self.match = Match(self.header, TimeControl(bank_s=0.0), 0.0)
         self.seats = {team: self._sit(team) for team in Team}
         self.now_s, self._late, self.writes = 0.0, late, b""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arena.errors import ForgedError, InputError, ProtocolError, UnreadableError
+from arena.errors import ForgedError, InputError, ProtocolError, ReplayedError, UnreadableError
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load, to_dict
 from arena.game.state import StateField
@@ -26,14 +26,15 @@ from arena.protocol.codec import decode, encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Ended, Message, Orders, PublicState, Signed, Truth
 from arena.protocol.sealing import truth_sealer
-from arena.protocol.signed import commit, sign_statement
-from arena.records.journal import Header, match_id, read_journal
+from arena.protocol.signed import STATEMENT_VERSION, commit, sign_statement
+from arena.records.journal import Header, read_journal
+from arena.records.plan import network_name
 from arena.records.replay import replay
 from clients.spectator import MOST_CLOSED, SALT_BYTES, Frame, Spectator, watch
 
 RULES = load("paper").with_({"side": 10, "tick_limit": 12})
 IDENTITY = "pit/0/ann/bob"
-MATCH = match_id(IDENTITY)
+MATCH = network_name(IDENTITY, b"", b"")
 KEYS = MatchKeys(map_key=b"\x07" * 32, match_key=b"\x08" * 32)
 PIT, STRANGER = Identity.make(), Identity.make()
 KEY, SALT = b"k" * 32, b"s" * 32
@@ -46,7 +47,7 @@ class Show:
         header = Header(identity=IDENTITY, blue="ann", red="bob", ruleset=RULES, keys=KEYS)
         match, chance = Match(header, TimeControl(turn_time_s=None), 0.0), random.Random(3)
         context = PitContext(pit="pit", identity=identity, spectator_key=spectator_key)
-        self._session = MatchSession(context, match, {team: Identity.make().public for team in Team})
+        self._session = MatchSession(context, match, {team: Identity.make().public for team in Team}, b"")
         self.journal = match.start_record
         self.public: list[bytes] = []
         self.truths: list[bytes] = []
@@ -170,10 +171,11 @@ def test_a_truth_that_was_changed_cut_or_heard_before_does_not_open(show: Show) 
         truths[2][:-1],
         truths[2][:-1] + bytes([truths[2][-1] ^ 1]),
         truths[3][:SALT_BYTES] + b"\x01" + truths[3][SALT_BYTES + 1 :],
-        truths[0],
     ):
         with pytest.raises(ForgedError):
             watching.read_truth(payload)
+    with pytest.raises(ReplayedError):
+        watching.read_truth(truths[0])
 
 
 def test_a_pit_that_came_back_is_seen_again(show: Show) -> None:
@@ -183,7 +185,7 @@ def test_a_pit_that_came_back_is_seen_again(show: Show) -> None:
         watching.read_truth(payload)
 
     assert frame(watching.read_truth(Show().truths[0])).tick == 0
-    with pytest.raises(ForgedError):
+    with pytest.raises(ReplayedError):
         watching.read_truth(show.truths[0])
 
 
@@ -230,7 +232,7 @@ def test_facts_of_another_number_of_teams_are_refused(show: Show, changes: dict[
 def test_an_ending_that_another_signed_or_of_another_match_is_refused(show: Show) -> None:
     signed = decode(show.public[-1])
     assert isinstance(signed, Signed)
-    ended = decode(signed.data)
+    ended = decode(signed.data, STATEMENT_VERSION)
     assert isinstance(ended, Ended)
     for forged in (
         sign_statement(STRANGER, ended),

@@ -92,12 +92,12 @@ from arena.protocol.topics import (
 from arena.records.journal import (
     Journal,
     journal_name,
-    match_id,
     write_receipt,
     write_seats,
     write_signature,
 )
 from arena.records.journal import read_journal as read_journal_bytes
+from arena.records.plan import network_name
 from arena.records.transcript import (
     Head,
     TranscriptHeader,
@@ -144,10 +144,13 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
     "no seat": (Refusal(reason="the name is another's"),),
     "no more matches": (Closed(reason="all is played"),),
     "a seat listens": (Ready(known_ticks=0), Ready(known_ticks=300)),
-    "an observation": (Turn(tick=0, observation=b""), Turn(tick=70_000, observation=bytes(range(256)))),
+    "an observation": (
+        Turn(tick=0, observation=b""),
+        Turn(tick=70_000, observation=bytes(range(256)), charged_us=1_250_000),
+    ),
     "what was missed": (
-        History(first_tick=0, observations=[], orders=[]),
-        History(first_tick=3, observations=[b"one", b"two"], orders=[b"\x01\x02", b"\x00\xff"]),
+        History(first_tick=0, observations=[], orders=[], end_tick=0),
+        History(first_tick=3, observations=[b"one", b"two"], orders=[b"\x01\x02", b"\x00\xff"], end_tick=9),
     ),
     "orders": (Orders(tick=0, actions=b""), Orders(tick=12, actions=b"\x00\x01\x02\x03\x04\xff")),
     "a signed message": (Signed(data=b"data", signature=SIGNATURE),),
@@ -178,10 +181,10 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
     ),
 }  # fmt: skip
 UNREADABLE = (
-    b"", b"\xc1", b"\x93", b"\x90", b"\x93\x03\xa1a", b"\x92\x02\x00", b"\x92\x03\x63", b"\x92\x03\x01", b"\x93\x03\x02\xa1a",
-    b"\x94\x03\x02\xc4\x01a\x01", bytes(MOST_BYTES + 1),
+    b"", b"\xc1", b"\x93", b"\x90", b"\x93\x04\xa1a", b"\x92\x03\x00", b"\x92\x04\x63", b"\x92\x04\x01", b"\x93\x04\x02\xa1a",
+    b"\x94\x04\x02\xc4\x01a\x01", bytes(MOST_BYTES + 1),
 )  # fmt: skip
-"""As version 3 reads them: none, no msgpack, cut short, of another version, of no kind, of other fields."""
+"""As version 4 reads them: none, no msgpack, cut short, of another version, of no kind, of other fields."""
 
 
 def say(check: Callable[..., object], *arguments: object) -> str:
@@ -264,7 +267,9 @@ def test_the_keys_of_a_match_follow_from_a_seed_as_before(same: Same) -> None:
 
 def test_files_and_matches_are_called_as_before(same: Same) -> None:
     identities = ("pit/0", "league/a/b/0003/a-blue/0", "a+b", "ä b/%2F/..")
-    lines = [f"{match_id(one)} {journal_name(one)}" for one in identities]
+    before, now = (b"", b""), (A, A[:16])
+    lines = [f"{network_name(one, *before)} {journal_name(one)}" for one in identities]
+    lines += [network_name(one, *now) for one in identities]
     lines += [transcript_name(pit, match, team) for pit, match in (("pit", MATCH), ("p+/", "ä")) for team in Team]
 
     same("names.txt", "\n".join([*lines, ""]))
@@ -358,7 +363,7 @@ def test_a_request_that_was_sealed_before_is_opened_and_gives_the_same_keys_of_a
 
 def seal(small: Journal, data: bytes) -> bytes:
     """Return a journal as a pit on the network writes it."""
-    match, shown = match_id(small.header.identity), watch(small)
+    match, shown = small.name, watch(small)
     commitment = sign_statement(PIT, Commitment(match=match, digest=commit(match, small.header.keys))).signature
     begin = data.index(small.start_chain) + len(small.start_chain)
     receipts = b""
@@ -388,8 +393,8 @@ def test_a_sealed_journal_has_the_bytes_of_before_and_holds(small: Journal, smal
 @pytest.mark.parametrize("team", Team, ids=lambda team: team.name.lower())
 def test_a_transcript_has_the_bytes_of_before(team: Team, small: Journal, same: Same, tmp_path: Path) -> None:
     header = TranscriptHeader(
-        match=match_id(small.header.identity), pit="pit", pit_key=PIT.public, entry_key=ANN.public, name="ann", opponent="bob",
-        team=team, ruleset=small.header.ruleset, commitment=commit(match_id(small.header.identity), small.header.keys),
+        match=small.name, pit="pit", pit_key=PIT.public, entry_key=ANN.public, name="ann", opponent="bob",
+        team=team, ruleset=small.header.ruleset, commitment=commit(small.name, small.header.keys),
     )  # fmt: skip
     path = tmp_path / "kept.transcript"
     n_blue = len(small.header.ruleset.team(Team.BLUE))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from arena.game.types import Team
-from arena.records.journal import Journal, load_journal, match_id
+from arena.records.journal import Journal, load_journal
 from arena.records.transcript import Transcript, load_transcript
 from arena.records.verification import Standing, check_seals, compare
 
@@ -32,7 +32,7 @@ class Bot:
 
 def journals(folder: Path) -> dict[str, Path]:
     """Return the journals of a pit, by match."""
-    return {match_id(load_journal(path).header.identity): path for path in (folder / "journals").glob("*.journal")}
+    return {load_journal(path).name: path for path in (folder / "journals").glob("*.journal")}
 
 
 def transcripts(folder: Path) -> dict[str, Path]:

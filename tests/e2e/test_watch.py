@@ -8,7 +8,7 @@ from typing import Any
 from arena.display.text import draw_board
 from arena.game.types import Team
 from arena.keyring.files import load_or_make_secret
-from arena.records.journal import load_journal, match_id
+from arena.records.journal import load_journal
 from arena.records.replay import replay
 
 Start = Callable[..., Any]
@@ -68,7 +68,7 @@ def test_everyone_hears_the_facts_and_who_has_the_key_sees_both_views_and_the_tr
     assert [process.finish() for process in (without, sees, *players, pit)] == [0] * 5
     assert "arena: match 0123456789abcdef does not run in pit" in elsewhere.said
     (journal,) = map(load_journal, (tmp_path / "journals").glob("*.journal"))
-    assert match_id(journal.header.identity) == match
+    assert journal.name == match
     assert journal.ending is not None
     assert journal.ending.ticks == N_TICKS
     winner = "draw" if journal.ending.winner is None else f"{journal.ending.winner.name.lower()} wins"

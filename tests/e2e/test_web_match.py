@@ -13,7 +13,7 @@ from arena.game.types import Team
 from arena.keyring.files import load_or_make_secret
 from arena.network.session import free_port
 from arena.protocol.identity import to_text
-from arena.records.journal import Journal, load_journal, match_id
+from arena.records.journal import Journal, load_journal
 from arena.records.replay import replay
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def test_a_match_is_watched_with_the_key_and_without_and_replayed(
         says(page, "Every tick was played again and holds.")
         assert page.get_by_role("heading", level=1).text_content() == "eve against kim"
     assert [player.finish() for player in players] == [0, 0]
-    assert match == match_id(find_journal(data, "eve").header.identity)
+    assert match == find_journal(data, "eve").name
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +123,7 @@ def played(shared: tuple[str, str, Path], shared_start: Start) -> tuple[str, Jou
     players = [shared_start("join", address, "--team", team, "--policy", "random", "--name", name) for team, name in seats]
     assert [player.finish() for player in players] == [0, 0]
     journal = find_journal(data, "ann")
-    return f"{url}/match/{match_id(journal.header.identity)}", journal
+    return f"{url}/match/{journal.name}", journal
 
 
 def test_a_replay_is_scrubbed_stepped_and_played_by_keys(played: tuple[str, Journal], visit: Start) -> None:

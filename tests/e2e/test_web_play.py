@@ -10,7 +10,7 @@ from chromium import browser, says, visit
 
 from arena.game.types import Action, Termination
 from arena.network.session import free_port
-from arena.records.journal import load_journal, match_id
+from arena.records.journal import load_journal
 from arena.records.transcript import load_transcript
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def test_a_person_plays_a_whole_match_by_clicks_and_keys_and_comes_back_to_a_los
     assert journal.ending is not None
     assert journal.ending.ending is Termination.CAPTURE
     assert [tick.orders[0] for tick in journal.ticks[:3]] == [Action.EAST, Action.EAST, Action.SOUTH]
-    assert transcript.header.match == match_id(journal.header.identity)
+    assert transcript.header.match == journal.name
     page.get_by_role("link", name="Watch it").click()
     says(page, "Every tick was played again and holds.")
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from chromium import browser, says, visit
 
-from arena.records.journal import load_journal, match_id
+from arena.records.journal import load_journal
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -82,7 +82,7 @@ def test_a_first_load_is_small_and_what_is_fast_is_logged(
     (journal,) = map(load_journal, (tmp_path / "journals").glob("*.journal"))
     web = start("web", "--pit", f"arena://127.0.0.1:{port}/pit", "--port", 0, "--data", tmp_path / "web")
     home = web.wait_for("web page at ").said.partition("web page at ")[2].split("/\n")[0]
-    address = f"{home}/match/{match_id(journal.header.identity)}"
+    address = f"{home}/match/{journal.name}"
 
     for number in ("first", "second"):
         page = visit(address, script=FIRST_BOARD)

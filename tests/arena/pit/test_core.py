@@ -20,7 +20,7 @@ from arena.protocol.codec import encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Done, Ended, History, Lobby, Orders, Ready, Refusal, Ticket, Turn, Wait
 from arena.protocol.signed import sign_receipt
-from arena.records.journal import journal_name, match_id, read_journal, whole_part
+from arena.records.journal import journal_name, read_journal, whole_part
 from arena.records.replay import verify
 from arena.records.verification import Standing, check_seals
 
@@ -86,9 +86,10 @@ def test_a_spectator_is_sent_each_tick_and_the_truth_only_under_a_key(pit: Offli
     ann, bob = begin(pit)
     play(ann, bob)
     with_key = OfflinePit(spectator_key=bytes(32))
-    play(*begin(with_key))
+    eve, dan = begin(with_key)
+    play(eve, dan)
 
-    assert len(pit.public[ann.ticket.match]) == len(with_key.truths[ann.ticket.match]) + 1 == RULES.tick_limit + 1
+    assert len(pit.public[ann.ticket.match]) == len(with_key.truths[eve.ticket.match]) + 1 == RULES.tick_limit + 1
     assert pit.truths == {}
 
 
@@ -202,6 +203,40 @@ def test_each_fault_is_provoked_and_only_it(pit: OfflinePit, kind: str) -> None:
 
     assert pit.core.matches[0].tick == 1
     assert (faults(pit, ann), faults(pit, bob)) == (NO_FAULTS, NO_FAULTS | {kind: 1})
+
+
+def test_orders_are_charged_until_they_came_and_not_until_they_were_taken_up(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=1)
+    asked_s = pit.now_s
+    pit.now_s += 7.0  # of which the pit did something else for 6.75 s
+    for player, took_s in ((ann, 0.25), (bob, -0.5)):
+        orders = player.sealer.close(encode(Orders(tick=1, actions=bytes(N_UNITS))), 1)
+        pit.do(ActionReceived(*player.place, orders, asked_s + took_s))
+
+    turns = [message for player in (ann, bob) for message in player.read()]
+
+    assert [(turn.tick, turn.charged_us) for turn in turns if isinstance(turn, Turn)] == [(2, 250_000), (2, 0)]
+
+
+def test_each_turn_says_what_the_one_before_was_charged(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=0)
+    n_bytes = set()
+    told = []
+    for took_s in (0.5, 0.0, 1.25, None):
+        bob.order()
+        if took_s is None:
+            pit.pass_time(TimeControl().turn_time_s + TimeControl().bank_s)  # type: ignore[operator]  # there is a clock
+        else:
+            pit.now_s += took_s
+            ann.order()
+        told += [turn.charged_us for turn in ann.read() if isinstance(turn, Turn)]
+        bob.read()
+        n_bytes |= {len(data) for data in pit.sent[ann.place]}
+
+    assert told == [500_000, 0, 1_250_000, 1_000_000 + 9_750_000], "of a turn that was missed all, and the bank"
+    assert len(n_bytes) == 1
 
 
 # Who comes back, and who does not
@@ -427,25 +462,26 @@ def test_a_journal_is_given_once_it_is_whole(pit: OfflinePit) -> None:
 def test_a_journal_is_given_when_its_whole_fixture_is_over_and_not_before() -> None:
     plans = [plan("league/0", "ann", "bob"), plan("league/1", "bob", "ann"), plan("league/2", "ann", "cid")]
     pit = OfflinePit(PlannedSeating(plans))
-    first, second = (match_id(one.identity) for one in plans[:2])
+    played: list[str] = []
 
     def play_leg(leg: int) -> None:
         ann, bob = Player(pit, "ann", client=f"a{leg}"), Player(pit, "bob", client=f"b{leg}")
         ann.identity, bob.identity = identities
         ann.ask()
         bob.join()
-        assert isinstance(pit.reply(pit.ask_for_journal(match_id(plans[leg].identity))), Refusal)
+        played.append(bob.ticket.match)
+        assert isinstance(pit.reply(pit.ask_for_journal(played[leg])), Refusal)
         if leg:
-            assert isinstance(pit.reply(pit.ask_for_journal(first)), Wait)
+            assert isinstance(pit.reply(pit.ask_for_journal(played[0])), Wait)
         play(ann.take(), bob)
         pit.pass_time(RECEIPTS_S)
 
     identities = Identity.make(), Identity.make()
     play_leg(0)
-    assert pit.reply(pit.ask_for_journal(first)) == Wait(reason="until the last match of these two is over")
+    assert pit.reply(pit.ask_for_journal(played[0])) == Wait(reason="until the last match of these two is over")
     play_leg(1)
 
-    assert {pit.replies[pit.ask_for_journal(match)] for match in (first, second)} == set(pit.journals.values())
+    assert {pit.replies[pit.ask_for_journal(match)] for match in played} == set(pit.journals.values())
 
 
 @pytest.mark.parametrize("payload", [b"", b"\xc1", encode(Ready(known_ticks=0))])
@@ -453,6 +489,35 @@ def test_junk_for_a_journal_is_refused(pit: OfflinePit, payload: bytes) -> None:
     question = pit.ask(lambda question: JournalAsked(question, "m", payload))
 
     assert isinstance(pit.reply(question), Refusal)
+
+
+# Names
+
+
+def test_no_two_runs_call_a_match_the_same_and_each_journal_says_how_its_own_called_it() -> None:
+    names = []
+    for _ in range(2):  # the same pit, entries, secret and number
+        pit = OfflinePit()
+        ann, bob = begin(pit)
+        play(ann, bob)
+        names.append(ann.ticket.match)
+        journal = read_journal(whole_part(pit.journals[FIRST]))
+        assert (journal.name, journal.header.identity) == (ann.ticket.match, "pit/1")
+        checked = check_seals(journal)
+        assert checked is not None
+        assert checked.commitment is Standing.HOLDS
+
+    assert names[0] != names[1]
+
+
+def test_a_resumed_match_keeps_its_name(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=2)
+    later = OfflinePit()
+    later.journals = dict(pit.journals)
+    later.do(find(pit, FIRST))
+
+    assert Player(later, "ann", ann.identity).join(match=ann.ticket.match).ticket.match == ann.ticket.match
 
 
 # The lobby
@@ -505,7 +570,7 @@ def find(pit: OfflinePit, name: str, cut: int = 0) -> UnfinishedFound:
     whole = whole_part(pit.journals[name][: len(pit.journals[name]) - cut])
     journal = read_journal(whole)
     assert journal.seals is not None
-    return UnfinishedFound(name, journal, journal.seals.entries, len(whole))
+    return UnfinishedFound(name, journal, journal.seals.entries, journal.seals.nonce, len(whole))
 
 
 @pytest.mark.parametrize("cut", [0, 1, 40])
@@ -637,7 +702,7 @@ def test_whatever_happens_no_tick_is_sent_before_it_is_written_and_no_question_i
         do_step(pit, players, operator, step, index, kind, number)
         held = {seat: slot for seat, slot in holders(pit).items() if slot}
         assert len(set(held.values())) == len(held), "a slot holds one seat"
-        assert {match for match, _ in held} <= {match_id(match.header.identity) for match in pit.core.matches}
+        assert {match for match, _ in held} <= set(pit.files)
 
     pit.do(Stopped())
     assert pit.files == {}
@@ -672,8 +737,7 @@ def do_step(pit: OfflinePit, players: list[Player], operator: Player, step: str,
         case "wait":
             pit.pass_time((0.01, 0.6, 2.0, 5.0)[kind])
         case "admin":
-            running = pit.core.matches
-            target = match_id(running[0].header.identity) if running and kind == 0 else player.name
+            target = next(iter(pit.files), player.name) if kind == 0 else player.name
             operator.command(("abort", "kick", "release-name", "kick")[kind], target)
 
 

@@ -28,8 +28,8 @@ from arena.protocol.codec import MOST_BYTES, encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Closed, JoinRequest, Lobby, Refusal, Wait
 from arena.records.framing import rules_values
-from arena.records.journal import Header, journal_name, match_id, write_ending, write_seats
-from arena.records.plan import MatchPlan
+from arena.records.journal import Header, journal_name, write_ending, write_seats
+from arena.records.plan import MatchPlan, network_name
 
 KEYS = MatchKeys(map_key=bytes(32), match_key=bytes(32))
 RULES = load("paper").with_({"side": 10})
@@ -216,7 +216,8 @@ def write_journal(folder: Path, identity: str, *, has_ended: bool = True) -> Non
     pit, ann, bob = Identity.make(), Identity.make(), Identity.make()
     header = Header(identity=identity, blue="ann", red="bob", ruleset=RULES, keys=KEYS)
     match = Match(header, TimeControl(), 0.0)
-    commitment = facts.Commitment(match=match_id(identity), digest=facts.commit(match_id(identity), KEYS))
+    name = network_name(identity, b"", b"")
+    commitment = facts.Commitment(match=name, digest=facts.commit(name, KEYS))
     seals = write_seats(
         pit.public, {Team.BLUE: ann.public, Team.RED: bob.public}, facts.sign_statement(pit, commitment).signature
     )

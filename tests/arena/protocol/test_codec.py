@@ -180,7 +180,7 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
         for kind in KINDS
     }
 
-    assert PROTOCOL_VERSION == 3
+    assert PROTOCOL_VERSION == 4
     assert [kind.__name__ for kind in KINDS] == [
         "ChallengeRequest",
         "Challenge",
@@ -229,7 +229,8 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
         assert shape[name] == only
     assert shape["Commitment"] == ["match: str", "digest: bytes"]
     assert shape["Receipt"] == ["n_shown: int", "head: bytes", "signature: bytes"]
-    assert shape["Turn"] == ["tick: int", "observation: bytes"]
+    assert shape["Turn"] == ["tick: int", "observation: bytes", "charged_us: int"]
+    assert shape["History"][-1] == "end_tick: int"
     assert shape["Orders"] == ["tick: int", "actions: bytes"]
 
 

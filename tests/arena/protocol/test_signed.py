@@ -15,6 +15,7 @@ from arena.protocol.codec import decode, encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Ended, Lobby, Orders, Signed
 from arena.protocol.signed import (
+    STATEMENT_VERSION,
     Statement,
     check_journal,
     check_receipt,
@@ -65,7 +66,7 @@ def test_a_commitment_is_of_one_match_and_its_two_keys(match: str, keys: MatchKe
 def test_a_fact_is_signed_with_plain_ed25519_under_its_label(fact: Statement) -> None:
     signed = sign_statement(PIT, fact)
 
-    assert decode(signed.data) == fact
+    assert decode(signed.data, STATEMENT_VERSION) == fact
     plain_verify(PIT, b"arena fact\x00" + signed.data, signed.signature)
     assert read_statement(signed, PIT.public) == fact
 
@@ -95,7 +96,7 @@ def test_a_fact_that_was_changed_is_refused(fact: Statement, is_data: bool, at: 
 
 
 def test_a_message_that_is_no_fact_is_none_though_the_pit_signed_it() -> None:
-    data = encode(Orders(tick=1, actions=b""))
+    data = encode(Orders(tick=1, actions=b""), STATEMENT_VERSION)
 
     with pytest.raises(ForgedError, match="no fact"):
         read_statement(Signed(data=data, signature=PIT.sign("fact", data)), PIT.public)

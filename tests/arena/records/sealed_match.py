@@ -18,12 +18,12 @@ from arena.records.journal import (
     MAGIC,
     Header,
     Journal,
-    match_id,
     read_journal,
     write_receipt,
     write_seats,
     write_signature,
 )
+from arena.records.plan import network_name
 from arena.records.transcript import Head, Transcript, TranscriptHeader
 
 RULES = load("paper").with_({"side": 10, "tick_limit": 12})
@@ -54,7 +54,7 @@ class Played:
     def __post_init__(self) -> None:
         header = Header(identity=self.identity, blue="ann", red="bob", ruleset=self.ruleset, keys=self.keys)
         self.match, self.chance = Match(header, self.time_control, 0.0), random.Random(7)
-        self.id = match_id(self.identity)
+        self.id = network_name(self.identity, b"", b"")
         self.plain = self.match.start_record
         for team in Team:
             self.carry_out(self.match.ready(team, 0.0))
@@ -142,4 +142,4 @@ class Played:
         if result is not None and team is Team.RED:
             result = replace(result, score=-result.score)
         ticks = list(zip(self.shown[team], self.said[team], strict=False))
-        return Transcript(header=header, ticks=ticks, ending=result, is_whole=True)
+        return Transcript(header=header, ticks=ticks, charges_us=[None] * len(ticks), ending=result, is_whole=True)

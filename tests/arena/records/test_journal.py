@@ -325,11 +325,16 @@ def test_a_saved_journal_is_its_owner_s_alone_and_is_loaded_again(tmp_path: Path
     assert load_journal(path) == read_journal(small_journal)
 
 
-def test_a_longer_journal_of_the_same_name_leaves_nothing_behind(tmp_path: Path, small_journal: bytes) -> None:
-    save_journal(str(tmp_path), "a", small_journal + bytes(100))
-    save_journal(str(tmp_path), "a", small_journal)
+def test_no_journal_is_written_over_by_another_of_its_name(tmp_path: Path, small_journal: bytes) -> None:
+    kept = [small_journal + bytes(100), small_journal + b"1", small_journal, small_journal]
+    for data in kept:
+        save_journal(str(tmp_path), "a", data)
 
-    assert (tmp_path / journal_name("a")).read_bytes() == small_journal
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {
+        "a.journal.1": kept[0],
+        "a.journal.2": kept[1],
+        "a.journal": small_journal,
+    }
 
 
 def test_a_journal_that_does_not_fit_on_the_disk_leaves_nothing_and_spoils_none(

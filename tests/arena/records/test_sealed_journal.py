@@ -17,7 +17,6 @@ from arena.records.journal import (
     MAGIC,
     Journal,
     Seals,
-    match_id,
     read_journal,
     whole_part,
     write_ending,
@@ -65,7 +64,7 @@ def sealed(small_journal: bytes) -> Sealed:
     plain = read_journal(small_journal)
     assert plain.ending is not None
     assert plain.ending_chain is not None
-    match = match_id(plain.header.identity)
+    match = plain.name
     commitment = sign_statement(PIT, Commitment(match=match, digest=commit(match, plain.header.keys))).signature
     signature = sign_journal(PIT, plain.ending_chain)
     receipts = {team: receipt_of(match, team, watch(plain)[team][:-1]) for team in Team}
@@ -79,7 +78,7 @@ def sealed(small_journal: bytes) -> Sealed:
         ending=ending,
         receipts={team: write_receipt(team, receipt) for team, receipt in receipts.items()},
         signature=write_signature(signature),
-        seals=Seals(pit_key=PIT.public, entries=PUBLIC, commitment=commitment, receipts=receipts, signature=signature),
+        seals=Seals(pit_key=PIT.public, entries=PUBLIC, nonce=b"", commitment=commitment, receipts=receipts, signature=signature),
     )
 
 

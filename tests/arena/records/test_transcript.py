@@ -77,6 +77,7 @@ def any_ticks(rules: Ruleset, team: Team, seed: int, n_ticks: int, bank_s: float
 
 
 def written(path: Path, header: TranscriptHeader, ticks: Ticks, result: MatchResult | None) -> bytes:
+    path.unlink(missing_ok=True)
     with TranscriptWriter(path, header) as transcript:
         for tick in ticks:
             transcript.add(*tick)
@@ -180,7 +181,7 @@ def test_a_transcript_that_is_cut_anywhere_is_a_shorter_one_or_says_where(small:
 
 def test_a_transcript_is_whole_only_at_the_end_of_a_record(small: bytes, small_ticks: Ticks) -> None:
     whole = [length for length in range(len(small)) if not is_found_out(small[:length])]
-    record = 1 + sum(map(len, small_ticks[0]))
+    record = 1 + 4 + sum(map(len, small_ticks[0]))
 
     assert whole == [whole[0] + number * record for number in range(len(small_ticks) + 1)]
 
@@ -228,16 +229,61 @@ def test_ticks_in_another_order_are_found_out(folder: Path, small_ticks: Ticks) 
         read_transcript(written(folder / "turned", header_of(SMALL, Team.BLUE), small_ticks[::-1], None))
 
 
-def test_a_transcript_is_its_owner_s_alone_whoever_s_file_it_replaces(tmp_path: Path, small: bytes, small_ticks: Ticks) -> None:
+def test_a_transcript_is_its_owner_s_alone(tmp_path: Path, small: bytes, small_ticks: Ticks) -> None:
     path = tmp_path / "seat.transcript"
-    path.write_bytes(bytes(100_000))
-    path.chmod(0o644)
 
     data = written(path, header_of(SMALL, Team.BLUE), small_ticks, RESULT)
 
     assert path.stat().st_mode & 0o777 == 0o600
     assert data == small
     assert load_transcript(path) == read_transcript(small)
+
+
+def test_no_file_is_written_over(tmp_path: Path, small_ticks: Ticks) -> None:
+    """A process that takes up the seat of one that was killed keeps what that one saw."""
+    path, header = tmp_path / "seat.transcript", header_of(SMALL, Team.BLUE)
+    path.write_bytes(b"of another")
+    (tmp_path / "seat+2.transcript").symlink_to("/nowhere")
+
+    for _ in range(2):
+        with TranscriptWriter(path, header) as transcript:
+            transcript.add(*small_ticks[0])
+
+    assert path.read_bytes() == b"of another"
+    assert transcript.path == tmp_path / "seat+4.transcript"
+    assert [len(load_transcript(tmp_path / f"seat+{number}.transcript").ticks) for number in (3, 4)] == [1, 1]
+
+
+def test_what_was_charged_stands_beside_the_turn_that_it_was_charged_for(tmp_path: Path, small_ticks: Ticks) -> None:
+    """The pit tells it with the turn that follows; of the last, it is not known."""
+    told = [-1, 250_000, -1, 2**32 - 2]
+    with TranscriptWriter(tmp_path / "seat", header_of(SMALL, Team.BLUE)) as transcript:
+        for (observation, orders), charged_us in zip(small_ticks, told, strict=True):
+            transcript.add(observation, orders, charged_us)
+        transcript.end(RESULT)
+
+    assert load_transcript(tmp_path / "seat").charges_us == [250_000, None, 2**32 - 2, None]
+
+
+def test_no_charge_that_is_told_breaks_a_transcript(tmp_path: Path, small_ticks: Ticks) -> None:
+    with TranscriptWriter(tmp_path / "seat", header_of(SMALL, Team.BLUE)) as transcript:
+        for tick, charged_us in zip(small_ticks, (0, 2**32 - 1, 2**63, -(2**63)), strict=True):
+            transcript.add(*tick, charged_us)
+
+    assert load_transcript(tmp_path / "seat").charges_us == [None] * 4
+
+
+def test_a_transcript_of_the_first_version_is_read(small: bytes, small_ticks: Ticks) -> None:
+    record, start = 1 + 4 + sum(map(len, small_ticks[0])), small.index(b"T" + b"\xff" * 4 + small_ticks[0][0])
+    ticks = [small[start + number * record :][:record] for number in range(len(small_ticks))]
+    rest = small[start + len(ticks) * record : -HEAD_BYTES]
+    old = small[:start].replace(b"TRANSCRIPT-2", b"TRANSCRIPT-1") + b"".join(b"T" + tick[5:] for tick in ticks) + rest
+
+    read = read_transcript(old + sha256(old).digest())
+
+    assert (read.ticks, read.ending, read.is_whole) == (small_ticks, RESULT, True)
+    assert read.charges_us == [None] * len(small_ticks)
+    assert read.head == read_transcript(small).head
 
 
 def test_a_tick_costs_no_system_call(tmp_path: Path, small_ticks: Ticks) -> None:
@@ -269,7 +315,6 @@ def test_a_full_disk_ends_the_transcript_with_one_warning(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path, small_ticks: Ticks
 ) -> None:
     opened = os.open
-    monkeypatch.setattr("os.fchmod", lambda *_: None)
     monkeypatch.setattr("os.open", lambda path, flags, mode: opened("/dev/full", os.O_WRONLY))
     transcript = TranscriptWriter(tmp_path / "seat", header_of(SMALL, Team.BLUE))
 
