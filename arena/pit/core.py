@@ -99,6 +99,10 @@ class PitCore:
         """Whether a request waits, and the ration of time allows to open it: then a `RequestTurn` opens it."""
         return self._requests.may_take(is_rationed=bool(self._matches.running))
 
+    def find_sessions(self, now_s: float) -> tuple[set[str], set[str]]:
+        """Return the connections of those who hold seats, and of those whose requests were accepted lately."""
+        return self._admission.find_sessions(now_s)
+
     @property
     def matches(self) -> list[Match]:
         """The matches that are not over, in the order of their beginning."""
@@ -133,7 +137,7 @@ class PitCore:
         except ProtocolError as error:
             self.n_refused += 1
             return [Reply(asked.question, encode(Refusal(reason=str(error))))]
-        pending = PendingRequest(caller, asked.question)
+        pending = PendingRequest(caller, asked.question, asked.session)
         if isinstance(caller.request, AdminRequest):
             answer, effects = self._operator.obey(caller.request, now_s)
             return [*effects, pending.reply(answer)]

@@ -16,6 +16,8 @@ class JoinAsked:
 
     question: QuestionId
     payload: bytes
+    session: str = ""
+    """The connection that it says to come from, if it does."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from arena.pit.events import ActionReceived, JournalAsked, UnfinishedFound
 from arena.pit.match_session import MatchSession, PitContext
 from arena.pit.register import Register
 from arena.pit.seating import Pairing, Seating
-from arena.pit.seats import Seat, SeatBook, SlotId
+from arena.pit.seats import Client, Seat, SeatBook, SlotId
 from arena.protocol.handshake import Caller
 from arena.protocol.messages import JoinRequest, Signed, Ticket
 from arena.records.journal import Header
@@ -140,6 +140,11 @@ class Matches:
         return effects
 
     # Seats
+
+    @property
+    def holders(self) -> set[Client]:
+        """The clients that hold seats."""
+        return self._seats.holders
 
     def find_seat(self, slot: SlotId, request: JoinRequest) -> Seat | None:
         """Return the seat that a slot holds, or else one that the same entry has left, the slot's own first, if any."""

@@ -14,6 +14,7 @@ from arena.errors import UnreadableError
 from arena.game.ruleset import Ruleset
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
+from arena.network.links import Kept
 from arena.network.session import Query, Sample, Session, read_key, read_payload
 from arena.pit.channels import MatchChannels
 from arena.pit.core import PitCore
@@ -107,7 +108,7 @@ class Referee:
         )
         self._actions = session.collect(topics.all_actions(pit), MOST_WAITING)
         self._end_heartbeat = session.heartbeat(topics.beat(pit), _SWEEP_S)
-        session.answer(topics.join(pit), self._enqueue_question(lambda id, asked: JoinAsked(id, asked.payload)))
+        session.answer(topics.join(pit), self._enqueue_question(lambda id, asked: JoinAsked(id, asked.payload, asked.sender)))
         session.answer(topics.lobby(pit), self._enqueue_question(lambda id, asked: LobbyAsked(id)))
         session.answer(
             topics.all_journals(pit),
@@ -145,6 +146,7 @@ class Referee:
                     self._hand_in(self._inbox.get()())
                 next_sweep_s = now_s + _SWEEP_S
                 self._refill_journals()
+                self._session.relieve(self._find_kept, now_s)
                 self._hand_in(TimePassed(now_s))
                 self._open_requests()
                 if until():
@@ -221,6 +223,9 @@ class Referee:
             begun_s = time.monotonic()
             self._hand_in(RequestTurn())
             self._hand_in(RequestOpened(time.monotonic() - begun_s))
+
+    def _find_kept(self) -> Kept:
+        return Kept(*self._core.find_sessions(time.monotonic()))
 
     # Effects
 

@@ -35,7 +35,7 @@ class Bytes(bytes):
 
 class Question:
     def __init__(self, payload: bytes) -> None:
-        self.payload, self.answers = payload, list[bytes]()
+        self.payload, self.sender, self.answers = payload, "", list[bytes]()
 
     def answer(self, payload: bytes) -> None:
         self.answers.append(payload)
@@ -67,6 +67,9 @@ class Network:
 
     def watch_presence(self, key: str, on_change: Callable[[str, bool], None]) -> None:
         """Nobody comes or goes."""
+
+    def relieve(self, find_kept: Callable[[], Any], now_s: float) -> int:
+        return 0
 
     def heartbeat(self, key: str, period_s: float) -> Callable[[], None]:
         return lambda: None
