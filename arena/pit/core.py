@@ -174,7 +174,7 @@ class PitCore:
         return self._matches.resume(event, now_s)
 
     def _on_stopped(self, event: Stopped, now_s: float) -> list[Effect]:
-        return self._matches.stop()
+        return self._matches.stop(now_s)
 
     def _describe(self) -> Lobby:
         running = [

@@ -39,7 +39,7 @@ class JournalAsked:
 class ActionReceived(NamedTuple):
     """A message on the action key of a seat, from whomever. A named tuple, since every turn makes two."""
 
-    match: str
+    lane: int
     team: Team
     payload: bytes
 

@@ -15,8 +15,8 @@ from arena.game.ruleset import Ruleset
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.network.links import Kept
-from arena.network.session import Query, Sample, Session, read_key, read_payload
-from arena.pit.channels import MatchChannels
+from arena.network.session import Put, Query, Sample, Session, read_key, read_payload
+from arena.pit.channels import MatchChannels, open_lane
 from arena.pit.core import PitCore
 from arena.pit.effects import (
     Append,
@@ -87,6 +87,7 @@ class Referee:
         self._questions: dict[QuestionId, Query] = {}
         self._question_ids = count()
         self._channels: dict[str, MatchChannels] = {}
+        self._lanes: dict[int, list[Put]] = {}
         self._is_stopping, self._has_failed = False, False
         self.n_dropped = 0
         self._carry_out: dict[type[Effect], Callable[[Any], None]] = {
@@ -203,10 +204,10 @@ class Referee:
 
     def _take_action(self, sample: Sample) -> None:
         try:
-            match, team = topics.read_action(read_key(sample))
+            lane, team = topics.read_action(read_key(sample))
         except UnreadableError:
-            return
-        self._hand_in(ActionReceived(match, team, read_payload(sample)))
+            return  # as of every beat
+        self._hand_in(ActionReceived(lane, team, read_payload(sample)))
 
     def _take_actions(self) -> None:
         """Hand in the actions that have come; not the answers to what follows, or it would never end where all are quick."""
@@ -234,7 +235,10 @@ class Referee:
             journal = JournalFile(self._journals / effect.journal, effect.n_bytes, fsync=self._fsync)
         else:
             journal = self._spare_journals.take(effect.journal)
-        self._channels[effect.match] = MatchChannels(self._session, self._pit, journal, effect.match)
+        puts = self._lanes.get(effect.lane)
+        if puts is None:
+            puts = self._lanes[effect.lane] = open_lane(self._session, self._pit, effect.lane)
+        self._channels[effect.match] = MatchChannels(self._session, self._pit, journal, effect.match, puts)
 
     def _refill_journals(self) -> None:
         """Tell the core how many matches can begin, whenever that changes by more than the matches that began."""

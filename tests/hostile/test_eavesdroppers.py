@@ -70,8 +70,9 @@ SHAPES = (
     "arena/**",
     "arena/pit/**",
     "arena/pit/match/**",
-    "arena/*/match/*/*/observation",
-    "arena/pit/match/*/*/*",
+    "arena/pit/lane/**",
+    "arena/*/lane/*/*/observation",
+    "arena/pit/lane/*/*/*",
     "arena/pit/match/*/*",
     topics.all_actions("pit"),
     topics.all_journals("pit"),
@@ -109,11 +110,16 @@ class Ear:
 
     def wait_for_endings(self, n_matches: int) -> None:
         """Sort what comes until so many matches are over: that is said last."""
+        of_seats: list[tuple[str, bytes]] = []
         while n_matches:
             key, payload = self._told.get(timeout=PATIENCE_S)
-            _, _, _, match, kind = key.split("/", 4)
-            self.messages.setdefault(match, []).append((kind, payload))
-            n_matches -= kind == "public" and isinstance(decode(payload), Signed)
+            _, _, place, name, kind = key.split("/", 4)
+            of_match = of_seats if place == "lane" else self.messages.setdefault(name, [])
+            of_match.append((kind, payload))
+            if kind == "public" and isinstance(decode(payload), Signed):  # one match after another is played
+                of_match += of_seats
+                of_seats.clear()
+                n_matches -= 1
 
 
 @dataclass

@@ -78,7 +78,7 @@ class Forger:
 
     def put(self, team: Team, data: bytes, counted_as: str = "forged") -> None:
         seat = self._seats[team]
-        self._session.put(data, topics.action(seat.pit, seat.match, team))
+        self._session.put(data, topics.action(seat.pit, seat.lane, team))
         self.sent[team][counted_as] += 1
 
     def settle(self) -> None:

@@ -126,7 +126,7 @@ class OfflinePit:
                 self._answer(question, None)
             case ReplyWithJournal(question, journal, offset):
                 self._answer(question, self.journals[journal][offset:])
-            case OpenMatch(match, journal, n_bytes):
+            case OpenMatch(match, journal, n_bytes, _):
                 assert match not in self.files
                 self.files[match] = journal
                 if n_bytes:
@@ -266,7 +266,7 @@ class Player:
         return self.ticket.match, self.team
 
     def put(self, data: bytes) -> list[Effect]:
-        return self.pit.do(ActionReceived(*self.place, data))
+        return self.pit.do(ActionReceived(self.ticket.lane, self.team, data))
 
     def send(self, message: Message, tick: int = 0) -> "Player":
         self.put(self.sealer.close(encode(message), tick))

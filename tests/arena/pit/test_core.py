@@ -259,7 +259,7 @@ def test_a_message_that_opens_and_is_none_of_a_seat_s_is_counted(pit: OfflinePit
 
 
 def test_messages_of_no_match_are_ignored(pit: OfflinePit) -> None:
-    assert pit.do(ActionReceived("beat", Team.BLUE, b"")) == []
+    assert pit.do(ActionReceived(999_999, Team.BLUE, b"")) == []
 
 
 # Receipts and journals

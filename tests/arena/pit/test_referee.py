@@ -104,7 +104,7 @@ class Pit:
         for attempt, question in self.ask_for_seats():
             ticket = attempt.open(question.answers[0])
             assert isinstance(ticket, Ticket)
-            self.match, team = ticket.match, Team(ticket.team)
+            self.lane, team = ticket.lane, Team(ticket.team)
             self.sealers[team], _ = attempt.sit(ticket.match, team, ticket.secret)
         self.send(Ready(known_ticks=0))
         return self
@@ -121,13 +121,13 @@ class Pit:
 
     def send(self, message: Message) -> None:
         for team, sealer in self.sealers.items():
-            key = topics.action("pit", self.match, team)
+            key = topics.action("pit", self.lane, team)
             self.network.samples.append(SimpleNamespace(key_expr=key, payload=Bytes(sealer.close(encode(message), 0))))
         self.run()
 
     @property
     def n_sent(self) -> list[int]:
-        return [len(self.network.put[topics.observation("pit", self.match, team)]) for team in Team]
+        return [len(self.network.put[topics.observation("pit", self.lane, team)]) for team in Team]
 
     @property
     def n_written(self) -> int:
