@@ -62,7 +62,7 @@ class TimePassed:
 
 @dataclass(frozen=True, slots=True)
 class RequestTurn:
-    """All orders that came were handed in, so there is time to open one request; see `PitCore.may_open_request`."""
+    """All orders that came were handed in, so there is time for one request; see `PitCore.may_open_request`."""
 
 
 @dataclass(frozen=True, slots=True)

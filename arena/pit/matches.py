@@ -11,10 +11,11 @@ from arena.game.types import Team, Termination
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.pit.archive import MOST_KEPT, Archive
-from arena.pit.effects import CloseMatch, Effect, MatchEnded, OpenMatch
+from arena.pit.effects import CloseMatch, Effect, MatchEnded, OpenMatch, ReplyWithJournal
 from arena.pit.events import ActionReceived, JournalAsked, UnfinishedFound
 from arena.pit.lanes import Lanes
 from arena.pit.match_session import MatchSession, PitContext
+from arena.pit.rationed_queue import RationedQueue
 from arena.pit.register import Register
 from arena.pit.seating import Pairing, Seating
 from arena.pit.seats import Client, Seat, SeatBook, SlotId
@@ -62,6 +63,11 @@ class Matches:
     def running(self) -> Collection[MatchSession]:
         """Those that are not over, in the order of their beginning."""
         return self._running.values()
+
+    @property
+    def journal_replies(self) -> RationedQueue[ReplyWithJournal]:
+        """Pieces of journals that are to be sent."""
+        return self._archive.replies
 
     @property
     def has_closing(self) -> bool:

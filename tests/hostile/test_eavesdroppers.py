@@ -110,15 +110,13 @@ class Ear:
 
     def wait_for_endings(self, n_matches: int) -> None:
         """Sort what comes until so many matches are over: that is said last."""
-        of_seats: list[tuple[str, bytes]] = []
+        of_match: list[tuple[str, bytes]] = []
         while n_matches:
             key, payload = self._told.get(timeout=PATIENCE_S)
-            _, _, place, name, kind = key.split("/", 4)
-            of_match = of_seats if place == "lane" else self.messages.setdefault(name, [])
+            _, _, _, name, kind = key.split("/", 4)
             of_match.append((kind, payload))
             if kind == "public" and isinstance(decode(payload), Signed):  # one match after another is played
-                of_match += of_seats
-                of_seats.clear()
+                self.messages[name], of_match = of_match, []
                 n_matches -= 1
 
 

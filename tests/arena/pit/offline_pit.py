@@ -186,12 +186,17 @@ class OfflinePit:
         return read_statement(signed, PIT.public)
 
     def ask_for_journal(self, match: str, offset: int = 0) -> int:
-        return self.ask(lambda question: JournalAsked(question, match, encode(JournalRequest(offset=offset))))
+        question = self.ask(lambda question: JournalAsked(question, match, encode(JournalRequest(offset=offset))))
+        self._open_requests()
+        return question
 
     def pass_time(self, passed_s: float = SWEEP_S) -> None:
         """Let time pass, and then open requests as the shell does."""
         self.now_s += passed_s
         self.do(TimePassed(self.now_s))
+        self._open_requests()
+
+    def _open_requests(self) -> None:
         while self.core.may_open_request:
             self.do(RequestTurn())
             took_s = self.opening_s()

@@ -12,8 +12,8 @@ from arena.pit import admission
 from arena.pit.admission import FORGET_WAITING_S, HOLD_QUESTION_S
 from arena.pit.events import JoinAsked, PresenceChanged, RequestTurn
 from arena.pit.matches import PATIENCE_S
+from arena.pit.rationed_queue import MOST_REQUESTS
 from arena.pit.register import Register
-from arena.pit.request_queue import MOST_REQUESTS
 from arena.protocol import handshake
 from arena.protocol.codec import encode
 from arena.protocol.handshake import new_secret
