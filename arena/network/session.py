@@ -17,6 +17,7 @@ from zenoh.handlers import Callback, RingChannel
 
 from arena.errors import InputError, LostPitError
 from arena.network.access import Certificate, access_rules, check_authority, check_certificate
+from arena.network.address import check_endpoint
 from arena.network.capacity import Capacity, find_capacity
 from arena.network.links import Kept, Links, read_peer
 from arena.protocol.codec import MOST_BYTES
@@ -253,6 +254,7 @@ def open_router(endpoint: str, pit: str, certificate: Certificate | None = None)
     pit
         Clients may do what a player of this pit does, and nothing else. The session that is returned may do anything.
     """
+    check_endpoint(endpoint)
     capacity = find_capacity()
     settings: dict[str, Any] = {
         "listen/endpoints": [endpoint],
@@ -283,6 +285,7 @@ def open_client(endpoint: str, authority: Path | None = None) -> Session:
     authority
         For tls/ and quic/: a PEM file of the certificates to trust, such as the pit's own; without it, those that the web trusts.
     """
+    check_endpoint(endpoint)
     settings: dict[str, Any] = {
         _WAIT_BEFORE_CLOSE: _CLIENT_WAITS_US,
         "connect/endpoints": [endpoint],
