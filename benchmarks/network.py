@@ -95,7 +95,7 @@ def _measure(n_matches: int, seats_per_process: int) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder, open_router(endpoint, "bench") as session:
         context, time_control = PitContext(pit="bench", identity=Identity.make()), TimeControl(turn_time_s=60.0)
         referee = Referee(session, context, ruleset, PlannedSeating(plans), time_control, Path(folder), on_end=_object)
-        clients = [spawn.Process(target=_play, args=(endpoint, seats_per_process), daemon=True) for _ in range(n_processes)]
+        clients = [spawn.Process(target=play, args=(endpoint, seats_per_process), daemon=True) for _ in range(n_processes)]
         for client in clients:
             client.start()
         try:
@@ -142,7 +142,7 @@ def _plan(number: int) -> MatchPlan:
     return MatchPlan(identity=f"bench/{number}", blue=_NAME, red=_NAME, keys=keys)
 
 
-def _play(endpoint: str, n_slots: int) -> None:
+def play(endpoint: str, n_slots: int) -> None:
     """Hold seats until killed; in a process of its own."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     settings = ClientSettings(

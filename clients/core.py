@@ -298,7 +298,7 @@ class ClientCore:
             raise RefusedError(f"the pit commits itself to match {ticket.match} anew: it is not the match that it was")
         slot.session = SeatSession(seat, ticket.secret, attempt, self._settings.identity)
         if not slot.is_open:
-            self._effects.append(events.OpenSeat(slot.number, ticket.match, seat.team))
+            self._effects.append(events.OpenSeat(slot.number, ticket.lane, seat.team))
             slot.is_open = True
         self._publish(slot, slot.session.listen())
 

@@ -73,7 +73,7 @@ class OpenSeat:
     """Publish on a seat's action key, and subscribe to its observation key."""
 
     slot: int
-    match: str
+    lane: int
     team: Team
 
 

@@ -174,10 +174,10 @@ class Runner:
         by callbacks, and so do those for a policy that takes its time, since it may have its answer while no message comes.
         """
         session, pit, slot = self._session, self._settings.pit, seat.slot
-        put, end = session.publisher(topics.action(pit, seat.match, seat.team))
+        put, end = session.publisher(topics.action(pit, seat.lane, seat.team))
         channel = self._channels[slot] = _Channel(put)
         channel.closing.callback(end)
-        key = topics.observation(pit, seat.match, seat.team)
+        key = topics.observation(pit, seat.lane, seat.team)
         if self._settings.n_slots > 1 or self._settings.is_patient:
             channel.closing.callback(session.subscribe(key, partial(self._enqueue, _deliver, slot)))
             return

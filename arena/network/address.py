@@ -1,7 +1,12 @@
-"""Where a pit is: `arena://HOST:PORT/PIT#PUBLICKEY`, or `arena+tls://`, as `arena serve` prints it and `arena join` takes it."""
+"""Where a pit is: `arena://HOST:PORT/PIT#PUBLICKEY`, as `arena serve` prints it and `arena join` takes it.
 
+By TLS it is `arena+tls://HOST:PORT/PIT`, and by a Unix socket `arena+unix:///PATH/PIT`.
+"""
+
+import os
 from dataclasses import dataclass, replace
-from urllib.parse import urlsplit
+from pathlib import Path
+from urllib.parse import SplitResult, urlsplit
 
 from arena.errors import InputError
 from arena.protocol.identity import from_text
@@ -9,7 +14,9 @@ from arena.protocol.topics import check_chunk
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 DEFAULT_PIT = "pit"
-_PROTOCOLS = {"arena": "tcp", "arena+tls": "tls"}
+_PROTOCOLS = {"arena": "tcp", "arena+tls": "tls", "arena+unix": "unixsock-stream"}
+_MOST_SOCKET_BYTES = 107
+"""Of the path of a Unix socket, by the system."""
 _LOOPBACK = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
 """Where this machine reaches a pit that listens everywhere."""
 
@@ -26,7 +33,7 @@ class Address:
 
     def __str__(self) -> str:
         protocol, _, where = self.endpoint.partition("/")
-        scheme = "arena+tls" if protocol == "tls" else "arena"
+        scheme = next((scheme for scheme, known in _PROTOCOLS.items() if known == protocol), "arena")
         return f"{scheme}://{where}/{self.pit}{'#' if self.fingerprint else ''}{self.fingerprint}"
 
     def from_here(self) -> "Address":
@@ -46,6 +53,8 @@ def parse_address(text: str) -> Address:
         return Address(endpoint=text)
     try:
         parts = urlsplit(text)
+        if scheme == "arena+unix":
+            return _parse_socket(text, parts)
         port = parts.port
     except ValueError as error:
         raise InputError(f"{text!r} has a host or a port that is none") from error
@@ -59,3 +68,28 @@ def parse_address(text: str) -> Address:
         pit=check_chunk("the pit's name", parts.path.strip("/") or DEFAULT_PIT),
         fingerprint=parts.fragment,
     )
+
+
+def _parse_socket(text: str, parts: SplitResult) -> Address:
+    path, _, pit = parts.path.rpartition("/")
+    if not path or parts.netloc:
+        raise InputError(f"{text!r} lacks the path of a socket; write arena+unix:///PATH/PIT")
+    if parts.fragment:
+        from_text(parts.fragment)
+    return Address(endpoint=f"unixsock-stream/{path}", pit=check_chunk("the pit's name", pit), fingerprint=parts.fragment)
+
+
+def check_endpoint(endpoint: str) -> None:
+    """Refuse the path of a Unix socket that the system does not take; `InputError` says what to do."""
+    protocol, _, path = endpoint.partition("/")
+    if protocol != "unixsock-stream":
+        return
+    n_bytes = len(os.fsencode(path))
+    if n_bytes > _MOST_SOCKET_BYTES:
+        raise InputError(
+            f"the path of the socket {path} has {n_bytes} bytes, and the system takes {_MOST_SOCKET_BYTES}; choose a shorter one"
+        )
+    if not path.startswith("/"):
+        raise InputError(f"the socket {path!r} needs a path from the root, as in unixsock-stream//tmp/pit.sock")
+    if not Path(path).parent.is_dir():
+        raise InputError(f"the folder of the socket {path} does not exist; make it first")

@@ -17,15 +17,23 @@ from zenoh.handlers import Callback, RingChannel
 
 from arena.errors import InputError, LostPitError
 from arena.network.access import Certificate, access_rules, check_authority, check_certificate
-from arena.network.capacity import MOST_PENDING, most_sessions
+from arena.network.address import check_endpoint
+from arena.network.capacity import Capacity, find_capacity
+from arena.network.links import Kept, Links, read_peer
 from arena.protocol.codec import MOST_BYTES
 
 Put = Callable[[bytes], None]
 Sample = zenoh.Sample
 """A message of a subscription; `read_key` and `read_payload` take it apart, on the thread that handles it."""
 _OPEN_TIMEOUT_MS = 6_000
+_ACCEPT_TIMEOUT_MS = 3_000
+"""Who connects to a router says who it is within this time."""
+_WITHOUT_PEERS = ("unixsock-stream/", "quic/", "udp/")
+"""Where a router cannot tell one connection from another."""
 _MOST_WIRE_BYTES = MOST_BYTES + 4_000
 """Of a message and its frame, put together from fragments; a longer one is dropped, and its sender stays connected."""
+_MOST_NAME_BYTES = 32
+"""Of a session's name in Zenoh."""
 _COMMON = {
     # Nobody meets by accident: clients connect to the pit that they name.
     "scouting/multicast/enabled": False,
@@ -51,6 +59,8 @@ class Query:
         self.key = str(query.key_expr)
         """The key that was asked for: where an expression is answered, one of its keys, or an expression too."""
         self.payload = _bytes(query.payload) if query.payload is not None else b""
+        self.sender = _read_sender(query.attachment)
+        """The session that it says to come from; empty if it does not say."""
 
     def answer(self, payload: bytes) -> None:
         """Send the one answer."""
@@ -63,6 +73,12 @@ class Query:
         self._query.drop()
 
 
+def _read_sender(attachment: zenoh.ZBytes | None) -> str:
+    if attachment is None or len(attachment) > _MOST_NAME_BYTES:
+        return ""
+    return attachment.to_bytes().decode(errors="replace")
+
+
 OnQuery = Callable[[Query], None]
 
 
@@ -72,7 +88,19 @@ class Session:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._routers = self._find_routers()
+        self.name = str(session.info.zid())
+        """What it is called at the other end, too."""
+        self.links: Links | None = None
+        """Of a router whose connections can be told apart."""
         self._tokens: list[zenoh.LivelinessToken] = []  # held, since Zenoh withdraws what is garbage
+
+    def limit_links(self, port: int, capacity: Capacity) -> None:
+        """Keep room for those who come, as a router that listens at a TCP port; `relieve` does it."""
+        self.links = Links(self._session, port, capacity)
+
+    def relieve(self, find_kept: Callable[[], Kept], now_s: float) -> int:
+        """Cut connections that nobody vouches for, if there is hardly room for more; return how many."""
+        return 0 if self.links is None else self.links.relieve(find_kept, now_s)
 
     def _find_routers(self) -> list[str]:
         return [str(router) for router in self._session.info.routers_zid()]
@@ -149,7 +177,7 @@ class Session:
             if not answers:
                 on_answer(b"")
 
-        self._session.get(key, Callback(replied, ended, indirect=False), payload=payload, timeout=timeout_s)
+        self._session.get(key, Callback(replied, ended, indirect=False), payload=payload, timeout=timeout_s, attachment=self.name)
 
     def declare_presence(self, key: str) -> None:
         """Show that this process is there, until the session ends."""
@@ -226,11 +254,14 @@ def open_router(endpoint: str, pit: str, certificate: Certificate | None = None)
     pit
         Clients may do what a player of this pit does, and nothing else. The session that is returned may do anything.
     """
+    check_endpoint(endpoint)
+    capacity = find_capacity()
     settings: dict[str, Any] = {
         "listen/endpoints": [endpoint],
         _WAIT_BEFORE_CLOSE: _ROUTER_WAITS_US,
-        "transport/unicast/max_sessions": most_sessions(),
-        "transport/unicast/accept_pending": MOST_PENDING,
+        "transport/unicast/max_sessions": capacity.sessions,
+        "transport/unicast/accept_pending": capacity.pending,
+        "transport/unicast/accept_timeout": _ACCEPT_TIMEOUT_MS,
         "transport/link/rx/max_message_size": _MOST_WIRE_BYTES,
         "access_control": access_rules(pit),
     }
@@ -240,7 +271,10 @@ def open_router(endpoint: str, pit: str, certificate: Certificate | None = None)
         check_certificate(certificate)
         settings["transport/link/tls/listen_certificate"] = str(certificate.certificate)
         settings["transport/link/tls/listen_private_key"] = str(certificate.key)
-    return _open("router", settings, f"cannot listen at {endpoint}")
+    router = _open("router", settings, f"cannot listen at {endpoint}")
+    if not endpoint.startswith(_WITHOUT_PEERS):
+        router.limit_links(read_peer(endpoint)[1], capacity)
+    return router
 
 
 def open_client(endpoint: str, authority: Path | None = None) -> Session:
@@ -251,6 +285,7 @@ def open_client(endpoint: str, authority: Path | None = None) -> Session:
     authority
         For tls/ and quic/: a PEM file of the certificates to trust, such as the pit's own; without it, those that the web trusts.
     """
+    check_endpoint(endpoint)
     settings: dict[str, Any] = {
         _WAIT_BEFORE_CLOSE: _CLIENT_WAITS_US,
         "connect/endpoints": [endpoint],

@@ -11,7 +11,7 @@ from arena.pit.events import QuestionId
 from arena.pit.matches import Matches
 from arena.pit.register import Register
 from arena.pit.seating import Pairing, Seating, object_to
-from arena.pit.seats import Seat, SlotId
+from arena.pit.seats import Client, Seat, SlotId
 from arena.protocol.handshake import Caller
 from arena.protocol.messages import Closed, JoinRequest, Message, Refusal, Wait
 
@@ -31,6 +31,8 @@ class PendingRequest:
 
     caller: Caller
     question: QuestionId
+    session: str = ""
+    """The connection that it says to come from."""
 
     def reply(self, message: Message) -> Effect:
         """Answer; a request whose key nothing can be sealed to gets no answer."""
@@ -57,6 +59,8 @@ class Admission:
     def __init__(self, ruleset: Ruleset, seating: Seating, register: Register, matches: Matches) -> None:
         self._ruleset, self._seating, self._register, self._matches = ruleset, seating, register, matches
         self._queue: dict[SlotId, QueuedClient] = {}
+        self._sessions: dict[Client, tuple[str, float]] = {}
+        """The connection of each client whose request was accepted, and when."""
         self.n_journals: float = math.inf
         """Matches that may begin before more journals can be opened."""
 
@@ -80,6 +84,7 @@ class Admission:
             return [pending.reply(Refusal(reason=refusal))]
         self._register.admit(request)
         slot = SlotId(request.entry, request.client, request.slot)
+        self._note_session(slot, pending.session, now_s)
         seat = self._matches.find_seat(slot, request)
         if seat is not None:
             self._forget(slot)
@@ -88,6 +93,23 @@ class Admission:
             ending = self._matches.find_ending(request.match)
             return [pending.reply(ending or Wait(reason="for another match, since that one is over"))]
         return self._enqueue(slot, pending, request, now_s)
+
+    def find_sessions(self, now_s: float) -> tuple[set[str], set[str]]:
+        """Return the connections of those who hold seats, and of those whose requests were accepted lately."""
+        holders = self._matches.holders
+        seated = {session for client, (session, _) in self._sessions.items() if client in holders}
+        lately = {session for session, accepted_at_s in self._sessions.values() if now_s - accepted_at_s < FORGET_WAITING_S}
+        return seated, lately
+
+    def _note_session(self, slot: SlotId, session: str, now_s: float) -> None:
+        self._sessions[slot[:2]] = session, now_s
+        if len(self._sessions) > 2 * MOST_QUEUED:
+            holders = self._matches.holders
+            self._sessions = {
+                client: (session, accepted_at_s)
+                for client, (session, accepted_at_s) in self._sessions.items()
+                if client in holders or now_s - accepted_at_s < FORGET_WAITING_S
+            }
 
     def lose(self, client: str) -> None:
         """Forget who waited, since its process is gone."""

@@ -4,14 +4,18 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 from arena.errors import ProtocolError
-from arena.pit.effects import Effect, Reply, ReplyWithJournal
+from arena.pit.effects import Drop, Effect, Reply, ReplyWithJournal
 from arena.pit.events import JournalAsked
+from arena.pit.rationed_queue import RationedQueue
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import JournalRequest, Message, Refusal, Wait
 from arena.records.journal import Header, journal_name
 
 MOST_KEPT = 10_000
 """Matches that are remembered; the journals of older ones are on the disk alone."""
+_SHARE = 0.1
+"""Of the time that goes to pieces of journals, while matches run."""
+_MOST_DEBT_S = 0.5
 _MOST_ASKED = 16
 """Questions for one journal that wait until it is whole."""
 
@@ -30,6 +34,8 @@ class Archive:
         self._headers: OrderedDict[str, Header] = OrderedDict()
         self._asked: dict[str, list[JournalAsked]] = {}
         """By match whose journal will be whole in a moment."""
+        self.replies: RationedQueue[ReplyWithJournal] = RationedQueue(share=_SHARE, most_debt_s=_MOST_DEBT_S)
+        """Pieces that are to be sent."""
 
     def expect(self, match: str) -> None:
         """Let those who ask for a journal wait until it is added."""
@@ -44,7 +50,7 @@ class Archive:
         return [effect for asked in self._asked.pop(match, []) for effect in self.answer(asked)]
 
     def answer(self, asked: JournalAsked) -> list[Effect]:
-        """Answer with the piece that is asked for, or why not."""
+        """Say why there is no piece, or let it be sent when there is time."""
         waiting = self._asked.get(asked.match)
         if waiting is not None and len(waiting) < _MOST_ASKED:
             waiting.append(asked)
@@ -60,7 +66,8 @@ class Archive:
             return _reply(asked, Refusal(reason=f"there is no journal of a match {asked.match}, or the match is not over"))
         if not self._is_fixture_over({header.blue, header.red}):
             return _reply(asked, Wait(reason="until the last match of these two is over"))
-        return [ReplyWithJournal(asked.question, journal_name(header.identity), request.offset)]
+        reply = ReplyWithJournal(asked.question, journal_name(header.identity), request.offset)
+        return [] if self.replies.put(reply) else [Drop(asked.question)]
 
 
 def _reply(asked: JournalAsked, message: Message) -> list[Effect]:

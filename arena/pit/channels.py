@@ -1,22 +1,25 @@
-"""What one match has open outside the core: two seats' publishers, two public ones, and its journal."""
+"""What one match has open outside the core: the publishers of its lane, two public ones, and its journal."""
 
 from arena.game.types import Team
-from arena.network.session import Session
+from arena.network.session import Put, Session
 from arena.pit.effects import Append, PublishEnding, PublishTick, Send
 from arena.pit.journal_files import JournalFile
 from arena.protocol import topics
 
 
+def open_lane(session: Session, pit: str, lane: int) -> list[Put]:
+    """Return what publishes to the two seats of a lane, as long as the session lives."""
+    return [session.publisher(topics.observation(pit, lane, team))[0] for team in Team]
+
+
 class MatchChannels:
     """Carries out the effects of one match."""
 
-    def __init__(self, session: Session, pit: str, journal: JournalFile, match: str) -> None:
-        self._journal = journal
-        seats = [session.publisher(topics.observation(pit, match, team)) for team in Team]
-        self._puts = [put for put, _ in seats]
+    def __init__(self, session: Session, pit: str, journal: JournalFile, match: str, puts: list[Put]) -> None:
+        self._journal, self._puts = journal, puts
         self._public = session.broadcast(topics.public(pit, match))
         self._truth = session.broadcast(topics.truth(pit, match))
-        self._ends = [*(end for _, end in seats), self._public.end, self._truth.end]
+        self._ends = [self._public.end, self._truth.end]
 
     def append(self, effect: Append) -> None:
         """Append to the journal; `ArenaError` if it cannot be written."""

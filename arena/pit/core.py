@@ -1,7 +1,7 @@
 """A pit as one state machine without I/O: events and the time go in, effects come out.
 
     shell (`arena.pit.referee`)        PitCore
-    Zenoh, files, clock  -- event -->  Authenticator, RequestQueue    who asks, and when it is opened
+    Zenoh, files, clock  -- event -->  Authenticator, RationedQueue   who asks, and when it is opened
                                        Admission, Operator            who waits and is seated; the operator's commands
                                        Matches, Archive, SeatBook     what runs, who holds which seat, which journals may be seen
                         <-- effects -- LobbyPublisher
@@ -38,13 +38,17 @@ from arena.pit.lobby_publisher import LobbyPublisher
 from arena.pit.match_session import PitContext
 from arena.pit.matches import Matches
 from arena.pit.operator import Operator
+from arena.pit.rationed_queue import RationedQueue
 from arena.pit.register import Register
-from arena.pit.request_queue import RequestQueue
 from arena.pit.seating import Seating
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import AdminRequest, ChallengeRequest, Lobby, Refusal, SealedRequest
 from arena.records.framing import rules_values
 
+_SHARE = 0.3
+"""Of the time that goes to requests for seats, while matches run."""
+_MOST_LAST_REPLIES = 16
+"""Pieces of journals that are sent before the pit closes."""
 MOST_LISTED = 150
 """Matches, and clients that wait, that the lobby names."""
 MOST_STANDINGS = 50
@@ -59,9 +63,10 @@ class PitCore:
     ) -> None:
         self._context, self._ruleset, self._seating, self._register = context, ruleset, seating, register
         self._authenticator = Authenticator(context.pit, context.identity)
-        self._requests = RequestQueue()
+        self._requests: RationedQueue[JoinAsked] = RationedQueue(share=_SHARE)
         self._matches = Matches(context, ruleset, time_control, seating, register)
         self._admission = Admission(ruleset, seating, register, self._matches)
+        self._taken_last: RationedQueue[Any] = self._requests
         self._operator = Operator(context.identity.public, register, seating, self._matches, self._admission)
         self._lobby = LobbyPublisher(context.identity, self._describe)
         self._present: set[str] = set()
@@ -97,7 +102,18 @@ class PitCore:
     @property
     def may_open_request(self) -> bool:
         """Whether a request waits, and the ration of time allows to open it: then a `RequestTurn` opens it."""
-        return self._requests.may_take(is_rationed=bool(self._matches.running))
+        return self._next_queue() is not None
+
+    def _next_queue(self) -> RationedQueue[Any] | None:
+        """Return the queue whose turn it is: that of requests for seats, or that of journals."""
+        queues: list[RationedQueue[Any]] = [self._requests, self._matches.journal_replies]
+        if self._taken_last is self._requests:
+            queues.reverse()
+        return next((queue for queue in queues if queue.may_take(is_rationed=bool(self._matches.running))), None)
+
+    def find_sessions(self, now_s: float) -> tuple[set[str], set[str]]:
+        """Return the connections of those who hold seats, and of those whose requests were accepted lately."""
+        return self._admission.find_sessions(now_s)
 
     @property
     def matches(self) -> list[Match]:
@@ -127,24 +143,31 @@ class PitCore:
         return [] if self._requests.put(event) else [Drop(event.question)]
 
     def _on_request_turn(self, event: RequestTurn, now_s: float) -> list[Effect]:
+        queue = self._next_queue()
+        if queue is None:
+            return []
+        self._taken_last = queue
+        if queue is not self._requests:
+            return [queue.take()]
         asked = self._requests.take()
         try:
             caller = self._authenticator.open(asked.payload, now_s)
         except ProtocolError as error:
             self.n_refused += 1
             return [Reply(asked.question, encode(Refusal(reason=str(error))))]
-        pending = PendingRequest(caller, asked.question)
+        pending = PendingRequest(caller, asked.question, asked.session)
         if isinstance(caller.request, AdminRequest):
             answer, effects = self._operator.obey(caller.request, now_s)
             return [*effects, pending.reply(answer)]
         return self._admission.receive(pending, caller.request, now_s)
 
     def _on_request_opened(self, event: RequestOpened, now_s: float) -> list[Effect]:
-        self._requests.spend(event.took_s)
+        self._taken_last.spend(event.took_s)
         return []
 
     def _on_time(self, event: TimePassed, now_s: float) -> list[Effect]:
-        self._requests.save(now_s)
+        for queue in (self._requests, self._matches.journal_replies):
+            queue.save(now_s)
         return self._matches.advance(event.received_until_s) + self._admission.advance(now_s)
 
     def _on_presence(self, event: PresenceChanged, now_s: float) -> list[Effect]:
@@ -170,7 +193,11 @@ class PitCore:
         return self._matches.resume(event, now_s)
 
     def _on_stopped(self, event: Stopped, now_s: float) -> list[Effect]:
-        return self._matches.stop()
+        effects, replies = self._matches.stop(now_s), self._matches.journal_replies
+        for _ in range(_MOST_LAST_REPLIES):
+            if replies.may_take(is_rationed=False):
+                effects.append(replies.take())
+        return effects
 
     def _describe(self) -> Lobby:
         running = [

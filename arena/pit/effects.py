@@ -53,6 +53,8 @@ class OpenMatch:
     """Name of its file."""
     n_bytes: int
     """Of the journal that are kept; 0 begins a new one."""
+    lane: int
+    """Names the keys of its seats."""
 
 
 class Append(NamedTuple):

@@ -16,6 +16,8 @@ class JoinAsked:
 
     question: QuestionId
     payload: bytes
+    session: str = ""
+    """The connection that it says to come from, if it does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +39,7 @@ class JournalAsked:
 class ActionReceived(NamedTuple):
     """A message on the action key of a seat, from whomever. A named tuple, since every turn makes two."""
 
-    match: str
+    lane: int
     team: Team
     payload: bytes
     arrived_s: float | None = None
@@ -62,7 +64,7 @@ class TimePassed:
 
 @dataclass(frozen=True, slots=True)
 class RequestTurn:
-    """All orders that came were handed in, so there is time to open one request; see `PitCore.may_open_request`."""
+    """All orders that came were handed in, so there is time for one request; see `PitCore.may_open_request`."""
 
 
 @dataclass(frozen=True, slots=True)

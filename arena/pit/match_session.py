@@ -78,8 +78,8 @@ class SeatSession:
 class MatchSession:
     """A match of a pit, from its drawn board to its signed journal."""
 
-    def __init__(self, context: PitContext, match: Match, entries: dict[Team, bytes], nonce: bytes) -> None:
-        self.match, self._context = match, context
+    def __init__(self, context: PitContext, match: Match, entries: dict[Team, bytes], nonce: bytes, lane: int) -> None:
+        self.match, self._context, self.lane = match, context, lane
         self.id = network_name(match.header.identity, context.identity.public, nonce)
         self.ending: Signed | None = None
         """How the match ended, as both seats and everyone else get it."""
@@ -114,7 +114,7 @@ class MatchSession:
     def open(self) -> list[Effect]:
         """Open the channels; the journal is written from the first tick on."""
         self._unwritten = self.match.start_record + self._seats_record
-        return [OpenMatch(self.id, journal_name(self.match.header.identity), 0)]
+        return [OpenMatch(self.id, journal_name(self.match.header.identity), 0, self.lane)]
 
     def issue_ticket(self, team: Team, caller: Caller) -> Ticket:
         """Give a seat to a caller, under new keys; those of the process that had it before hold no more."""
@@ -126,6 +126,7 @@ class MatchSession:
         seat.sent, seat.has_had_history = _NOTHING_SENT, False
         return Ticket(
             match=self.id,
+            lane=self.lane,
             team=int(team),
             ruleset=rules_values(self.match.header.ruleset),
             opponent=self.seats[team.other].name,

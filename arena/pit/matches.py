@@ -12,13 +12,15 @@ from arena.game.types import Team, Termination
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.pit.archive import MOST_KEPT, Archive
-from arena.pit.effects import CloseMatch, Effect, MatchEnded, OpenMatch
+from arena.pit.effects import CloseMatch, Effect, MatchEnded, OpenMatch, ReplyWithJournal
 from arena.pit.events import ActionReceived, JournalAsked, UnfinishedFound
+from arena.pit.lanes import Lanes
 from arena.pit.match_session import MatchSession, PitContext
+from arena.pit.rationed_queue import RationedQueue
 from arena.pit.register import Register
 from arena.pit.seating import Pairing, Seating
-from arena.pit.seats import Seat, SeatBook, SlotId
-from arena.protocol.handshake import Caller
+from arena.pit.seats import Client, Seat, SeatBook, SlotId
+from arena.protocol.handshake import Caller, new_secret
 from arena.protocol.messages import JoinRequest, Signed, Ticket
 from arena.records.journal import NONCE_BYTES, Header
 
@@ -26,6 +28,7 @@ logger = logging.getLogger(__name__)
 
 RECEIPTS_S = 2.0
 """How long a match that is over waits for its receipts."""
+_LANES_A_PROCESS = 3_000
 PATIENCE_S = 1.0
 """How long seats may take to get ready, while others wait for room."""
 
@@ -46,6 +49,9 @@ class Matches:
     ) -> None:
         self._context, self._ruleset, self._time_control = context, ruleset, time_control
         self._seating, self._register = seating, register
+        self._lanes = Lanes(first=_LANES_A_PROCESS * new_secret()[0])
+        self._by_lane: dict[int, MatchSession] = {}
+        """Those that run, and those that wait for their receipts."""
         self._running: dict[str, MatchSession] = {}
         self._closing: dict[str, _Closing] = {}
         self._seats = SeatBook()
@@ -60,6 +66,11 @@ class Matches:
         return self._running.values()
 
     @property
+    def journal_replies(self) -> RationedQueue[ReplyWithJournal]:
+        """Pieces of journals that are to be sent."""
+        return self._archive.replies
+
+    @property
     def has_closing(self) -> bool:
         """Whether a match waits for its receipts."""
         return bool(self._closing)
@@ -69,9 +80,7 @@ class Matches:
         plan = pairing.plan
         header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
         entries = {team: slot.entry for team, slot in pairing.slots.items()}
-        match = Match(header, self._time_control, now_s)
-        session = MatchSession(self._context, match, entries, secrets.token_bytes(NONCE_BYTES))
-        self._running[session.id] = session
+        session = self._add(Match(header, self._time_control, now_s), entries, secrets.token_bytes(NONCE_BYTES), now_s)
         for team, slot in pairing.slots.items():
             self._seats.take(Seat(session.id, team), slot)
         self.n_begun += 1
@@ -86,23 +95,21 @@ class Matches:
         except JournalError as error:
             logger.warning("%s cannot be resumed: %s", found.name, error)
             return []
-        session = MatchSession(self._context, match, found.entries, found.nonce)
-        self._running[session.id] = session
+        session = self._add(match, found.entries, found.nonce, now_s)
         logger.info("resumed %s at tick %d", match.header.identity, match.tick)
-        return [OpenMatch(session.id, found.name, found.n_bytes), *self._settle(session, session.carry(match_effects), now_s)]
+        opened = OpenMatch(session.id, found.name, found.n_bytes, session.lane)
+        return [opened, *self._settle(session, session.carry(match_effects), now_s)]
 
     def receive(self, event: ActionReceived, now_s: float) -> list[Effect]:
         """Take a message on a seat's key."""
-        match, team, payload, arrived_s = event
-        session = self._running.get(match)
-        if session is not None:
-            effects = session.receive(team, payload, now_s, arrived_s)
-            return effects if session.ending is None else self._settle(session, effects, now_s)
-        closing = self._closing.get(match)
-        if closing is None:
+        lane, team, payload, arrived_s = event
+        session = self._by_lane.get(lane)
+        if session is None:
             return []
-        effects = closing.session.receive_receipt(team, payload)
-        return effects + self._close(match) if closing.session.has_receipts else effects
+        if session.ending is None:
+            return self._settle(session, session.receive(team, payload, now_s, arrived_s), now_s)
+        effects = session.receive_receipt(team, payload)
+        return effects + self._close(session.id, now_s) if session.has_receipts else effects
 
     def advance(self, now_s: float) -> list[Effect]:
         """Let time pass."""
@@ -110,7 +117,7 @@ class Matches:
         for session in list(self._running.values()):
             effects += self._settle(session, session.advance(now_s), now_s)
         for match in [match for match, closing in self._closing.items() if now_s >= closing.until_s]:
-            effects += self._close(match)
+            effects += self._close(match, now_s)
         return effects
 
     def forfeit(self, seat: Seat, why: str, now_s: float) -> list[Effect]:
@@ -134,14 +141,19 @@ class Matches:
         """Answer a request for a piece of a journal, now or once the journal is whole."""
         return self._archive.answer(asked)
 
-    def stop(self) -> list[Effect]:
+    def stop(self, now_s: float) -> list[Effect]:
         """Sign the journals of matches that are over, and leave the others as they stand."""
-        effects = [effect for match in list(self._closing) for effect in self._close(match)]
+        effects = [effect for match in list(self._closing) for effect in self._close(match, now_s)]
         effects += [CloseMatch(match) for match in self._running]
         self._running.clear()
         return effects
 
     # Seats
+
+    @property
+    def holders(self) -> set[Client]:
+        """The clients that hold seats."""
+        return self._seats.holders
 
     def find_seat(self, slot: SlotId, request: JoinRequest) -> Seat | None:
         """Return the seat that a slot holds, or else one that the same entry has left, the slot's own first, if any."""
@@ -212,9 +224,16 @@ class Matches:
         records = {team: match.record(team) for team in Team}
         return [*effects, MatchEnded(header=match.header, result=result, seats=records, entries=session.entries)]
 
-    def _close(self, match: str) -> list[Effect]:
+    def _add(self, match: Match, entries: dict[Team, bytes], nonce: bytes, now_s: float) -> MatchSession:
+        session = MatchSession(self._context, match, entries, nonce, self._lanes.take(now_s))
+        self._running[session.id] = self._by_lane[session.lane] = session
+        return session
+
+    def _close(self, match: str, now_s: float) -> list[Effect]:
         """Close the journal of a match that is over; it may be seen once its whole fixture is."""
         session = self._closing.pop(match).session
+        del self._by_lane[session.lane]
+        self._lanes.give_back(session.lane, now_s)
         return [*session.close(), *self._archive.add(match, session.match.header if session.has_journal else None)]
 
     def _is_fixture_over(self, names: set[str]) -> bool:

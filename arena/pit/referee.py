@@ -15,8 +15,9 @@ from arena.folders import data_folder
 from arena.game.ruleset import Ruleset
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
-from arena.network.session import Query, Sample, Session, read_key, read_payload
-from arena.pit.channels import MatchChannels
+from arena.network.links import Kept
+from arena.network.session import Put, Query, Sample, Session, read_key, read_payload
+from arena.pit.channels import MatchChannels, open_lane
 from arena.pit.core import PitCore
 from arena.pit.effects import (
     Append,
@@ -87,6 +88,7 @@ class Referee:
         self._questions: dict[QuestionId, Query] = {}
         self._question_ids = count()
         self._channels: dict[str, MatchChannels] = {}
+        self._lanes: dict[int, list[Put]] = {}
         self._is_stopping, self._has_failed = False, False
         self.n_dropped = 0
         self._empty_at_s = 0.0
@@ -110,7 +112,7 @@ class Referee:
         )
         self._actions = session.collect(topics.all_actions(pit), MOST_WAITING)
         self._end_heartbeat = session.heartbeat(topics.beat(pit), _SWEEP_S)
-        session.answer(topics.join(pit), self._enqueue_question(lambda id, asked: JoinAsked(id, asked.payload)))
+        session.answer(topics.join(pit), self._enqueue_question(lambda id, asked: JoinAsked(id, asked.payload, asked.sender)))
         session.answer(topics.lobby(pit), self._enqueue_question(lambda id, asked: LobbyAsked(id)))
         session.answer(
             topics.all_journals(pit),
@@ -151,6 +153,7 @@ class Referee:
                     self._hand_in(self._inbox.get()())
                 next_sweep_s = now_s + _SWEEP_S
                 self._refill_journals()
+                self._session.relieve(self._find_kept, now_s)
                 self._hand_in(TimePassed(now_s))
                 self._open_requests()
                 if until():
@@ -207,10 +210,10 @@ class Referee:
 
     def _take_action(self, sample: Sample, arrived_s: float | None) -> None:
         try:
-            match, team = topics.read_action(read_key(sample))
+            lane, team = topics.read_action(read_key(sample))
         except UnreadableError:
-            return
-        self._hand_in(ActionReceived(match, team, read_payload(sample), arrived_s))
+            return  # as of every beat
+        self._hand_in(ActionReceived(lane, team, read_payload(sample), arrived_s))
 
     def _take_actions(self, most: int | None = None) -> bool:
         """Hand in the actions that have come, and return whether any had.
@@ -234,6 +237,9 @@ class Referee:
             self._hand_in(RequestTurn())
             self._hand_in(RequestOpened(time.monotonic() - begun_s))
 
+    def _find_kept(self) -> Kept:
+        return Kept(*self._core.find_sessions(time.monotonic()))
+
     # Effects
 
     def _open_match(self, effect: OpenMatch) -> None:
@@ -241,7 +247,10 @@ class Referee:
             journal = JournalFile(self._journals / effect.journal, effect.n_bytes, fsync=self._fsync)
         else:
             journal = self._spare_journals.take(effect.journal)
-        self._channels[effect.match] = MatchChannels(self._session, self._pit, journal, effect.match)
+        puts = self._lanes.get(effect.lane)
+        if puts is None:
+            puts = self._lanes[effect.lane] = open_lane(self._session, self._pit, effect.lane)
+        self._channels[effect.match] = MatchChannels(self._session, self._pit, journal, effect.match, puts)
 
     def _refill_journals(self) -> None:
         """Tell the core how many matches can begin, whenever that changes by more than the matches that began."""

@@ -1,4 +1,8 @@
-"""Which name is whose, which invite code was used by whom, and who may not come back: in a file that the operator can read."""
+"""Which name is whose, which invite code was used by whom, and who may not come back: in a file that the operator can read.
+
+The file is one JSON object, written whole when the pit opens, and behind it the changes since, a line each: a name more costs the
+same however many there are. A last line that was cut off by a crash counts for nothing.
+"""
 
 import json
 import os
@@ -11,6 +15,7 @@ from arena.protocol.identity import from_text, to_text
 from arena.protocol.messages import JoinRequest
 
 _PARTS = ("names", "invites", "banned")
+_Parts = tuple[dict[str, str], dict[str, str], dict[str, str]]
 
 
 class Register:
@@ -23,10 +28,16 @@ class Register:
         self._invites: dict[str, str] = {}
         self._banned: dict[str, str] = {}
         """By public key: the name under which it was banned."""
-        self.is_changed = False
-        """Whether anything changed since it was saved last."""
-        if path is not None and path.exists():
+        self._changes: list[tuple[str, str, str | None]] = []
+        """Since it was saved last: the part, the key there, and its value; None where it is gone."""
+        self._is_on_disk = path is not None and path.exists()
+        if path is not None and self._is_on_disk:
             self._load(path)
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether anything changed since it was saved last."""
+        return bool(self._changes)
 
     @property
     def needs_invite(self) -> bool:
@@ -59,25 +70,25 @@ class Register:
         """Tie the invite code to the entry that came with it."""
         if self._codes is not None and request.invite not in self._invites:
             self._invites[request.invite] = to_text(request.entry)
-            self.is_changed = True
+            self._changes.append(("invites", request.invite, self._invites[request.invite]))
 
     def claim(self, name: str, entry: bytes) -> None:
         """Give a name to the key that finished a match under it, if it is nobody's yet."""
         if name not in self._names:
             self._names[name] = to_text(entry)
-            self.is_changed = True
+            self._changes.append(("names", name, self._names[name]))
 
     def release(self, name: str) -> bool:
         """Take a name from its key; False if it was nobody's."""
         if self._names.pop(name, None) is None:
             return False
-        self.is_changed = True
+        self._changes.append(("names", name, None))
         return True
 
     def ban(self, name: str, entry: bytes) -> None:
         """Let a key play no more."""
         self._banned[to_text(entry)] = name
-        self.is_changed = True
+        self._changes.append(("banned", to_text(entry), name))
 
     def find(self, target: str) -> bytes | None:
         """Return the key that a name belongs to, or that the text itself is."""
@@ -89,12 +100,27 @@ class Register:
             return None
 
     def save(self) -> None:
-        """Write all, or nothing; `ArenaError` if it cannot be written."""
+        """Write what changed, or nothing; `ArenaError` if it cannot be written."""
         if self._path is not None:
-            self._write(self._path)
-        self.is_changed = False
+            if self._is_on_disk:
+                self._append(self._path)
+            else:
+                self._write(self._path)
+                self._is_on_disk = True
+        self._changes.clear()
+
+    def _append(self, path: Path) -> None:
+        data = "".join(f"\n{json.dumps(change)}" for change in self._changes).encode()
+        try:
+            with path.open("ab", buffering=0) as file:
+                n_written = file.write(data)
+        except OSError as error:
+            raise ArenaError(f"cannot write {path}: {error.strerror}") from error
+        if n_written != len(data):
+            raise ArenaError(f"cannot write {path}: the disk is full")
 
     def _write(self, path: Path) -> None:
+        """Write all, or nothing."""
         values = dict(zip(_PARTS, (self._names, self._invites, self._banned), strict=True))
         new = None
         try:
@@ -110,8 +136,8 @@ class Register:
 
     def _load(self, path: Path) -> None:
         try:
-            values = json.loads(path.read_text())
-            names, invites, banned = ({str(k): str(v) for k, v in values[part].items()} for part in _PARTS)
+            text = path.read_text()
+            (names, invites, banned), n_changes = _read(text)
             for key in (*names.values(), *invites.values(), *banned):
                 from_text(key)
         except OSError as error:
@@ -119,6 +145,34 @@ class Register:
         except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise InputError(f"{path} is no register of names; move it away to begin a new one") from error
         self._names, self._invites, self._banned = names, invites, banned
+        if n_changes:
+            self._write(path)
+
+
+def _read(text: str) -> tuple[_Parts, int]:
+    """Return what a register holds, and how many changes stand behind its object."""
+    text = text.lstrip()
+    values, end = json.JSONDecoder().raw_decode(text)
+    names, invites, banned = ({str(k): str(v) for k, v in values[part].items()} for part in _PARTS)
+    by_name = dict(zip(_PARTS, (names, invites, banned), strict=True))
+    rest, *lines = text[end:].split("\n")
+    if rest.strip():
+        raise ValueError("something else stands behind the object")
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            change = json.loads(line)
+        except ValueError:
+            if number < len(lines):
+                raise
+            break  # it was cut off when its writer died
+        part, key, value = change
+        if value is None:
+            by_name[part].pop(str(key), None)
+        else:
+            by_name[part][str(key)] = str(value)
+    return (names, invites, banned), len(lines)
 
 
 def _is_key(text: str) -> bool:

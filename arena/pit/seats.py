@@ -6,6 +6,9 @@ from typing import NamedTuple
 
 from arena.game.types import Team
 
+Client = tuple[bytes, str]
+"""A client process: its entry's public key, and its own name."""
+
 
 class SlotId(NamedTuple):
     """Who asks for a seat: an entry, one of its client processes, and one of that one's slots."""
@@ -36,6 +39,11 @@ class SeatBook:
 
     def __init__(self) -> None:
         self._holdings: dict[Seat, _Holding] = {}
+
+    @property
+    def holders(self) -> set[Client]:
+        """The clients that hold a seat."""
+        return {holding.slot[:2] for _, holding in self._present()}
 
     def take(self, seat: Seat, slot: SlotId) -> None:
         """Give a seat to a slot, which leaves the one that it held; whoever held this one holds it no more."""

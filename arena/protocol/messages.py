@@ -116,6 +116,8 @@ class Ticket:
     """A seat in a match."""
 
     match: str
+    lane: int
+    """Names the keys of its seats while it runs; see `arena.protocol.topics`."""
     team: int
     ruleset: dict[str, Any]
     """As `arena.game.ruleset.to_dict` gives it, and its name."""

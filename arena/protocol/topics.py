@@ -6,6 +6,7 @@ from arena.errors import InputError, UnreadableError
 from arena.game.types import Team
 
 _CHUNK = re.compile(r"[A-Za-z0-9_-]{1,64}")
+_LANE = re.compile(r"[0-9]{1,6}")
 _TEAMS = {team.name.lower(): team for team in Team}
 
 
@@ -31,37 +32,37 @@ def lobby(pit: str) -> str:
     return f"arena/{pit}/lobby"
 
 
-def observation(pit: str, match: str, team: Team) -> str:
-    """Return the key on which a seat hears the referee."""
-    return f"arena/{pit}/match/{match}/{team.name.lower()}/observation"
+def observation(pit: str, lane: int, team: Team) -> str:
+    """Return the key on which a seat hears the referee. It is its lane's, since Zenoh keeps each key that it was ever told."""
+    return f"arena/{pit}/lane/{lane}/{team.name.lower()}/observation"
 
 
 def all_observations(pit: str) -> str:
     """Return the expression of every seat's observation key."""
-    return f"arena/{pit}/match/*/*/observation"
+    return f"arena/{pit}/lane/*/*/observation"
 
 
-def action(pit: str, match: str, team: Team) -> str:
+def action(pit: str, lane: int, team: Team) -> str:
     """Return the key on which the referee hears a seat."""
-    return f"arena/{pit}/match/{match}/{team.name.lower()}/action"
+    return f"arena/{pit}/lane/{lane}/{team.name.lower()}/action"
 
 
 def all_actions(pit: str) -> str:
     """Return the expression of every seat's action key."""
-    return f"arena/{pit}/match/*/*/action"
+    return f"arena/{pit}/lane/*/*/action"
 
 
 def beat(pit: str) -> str:
-    """Return the key on which a referee wakes itself: an action of no match, heard with all the others."""
-    return f"arena/{pit}/match/beat/blue/action"
+    """Return the key on which a referee wakes itself: an action of no lane, heard with all the others."""
+    return f"arena/{pit}/lane/beat/blue/action"
 
 
-def read_action(key: str) -> tuple[str, Team]:
-    """Return the match and the team of an action key."""
+def read_action(key: str) -> tuple[int, Team]:
+    """Return the lane and the team of an action key."""
     parts = key.split("/")
-    if len(parts) != 6 or parts[4] not in _TEAMS:
+    if len(parts) != 6 or parts[4] not in _TEAMS or not _LANE.fullmatch(parts[3]):
         raise UnreadableError(f"{key} is no seat's key")
-    return parts[3], _TEAMS[parts[4]]
+    return int(parts[3]), _TEAMS[parts[4]]
 
 
 def read_match(key: str) -> str:

@@ -97,6 +97,7 @@ class Played:
     def _sit(self, team: Team) -> Seat:
         ticket = Ticket(
             match=self.id,
+            lane=7,
             team=int(team),
             ruleset={"name": RULES.name, **to_dict(RULES)},
             opponent="",

@@ -52,6 +52,7 @@ from clients.settings import ClientSettings
 RULES = load("paper").with_({"side": 10})
 UNITS = len(RULES.team(Team.RED))
 MATCH, NEXT = "0123456789abcdef", "fedcba9876543210"
+LANES = {MATCH: 7, NEXT: 8}
 KEYS = MatchKeys(map_key=b"\x07" * 32, match_key=b"\x08" * 32)
 OTHER_KEYS = MatchKeys(map_key=b"\x07" * 32, match_key=b"\x09" * 32)
 ANN, PIT, MAN = (Identity.make() for _ in range(3))
@@ -104,6 +105,7 @@ def commitment(match: str = MATCH, keys: MatchKeys = KEYS, by: Identity = PIT) -
 def ticket(match: str = MATCH, **changes: Any) -> Ticket:
     plain = Ticket(
         match=match,
+        lane=LANES.get(match, 9),
         team=int(Team.RED),
         ruleset={"name": RULES.name, **to_dict(RULES)},
         opponent="bob",
@@ -210,7 +212,7 @@ def test_a_client_asks_for_a_seat_takes_it_and_says_that_it_is_ready() -> None:
     assert (request.match, request.invite, request.rules_hash, request.entry) == ("", "code", "hash", ANN.public)
     assert isinstance(begun, events.MatchBegun)
     assert (begun.seat.ticket.match, begun.seat.commitment) == (MATCH, commit(MATCH, KEYS))
-    assert opened == events.OpenSeat(0, MATCH, Team.RED)
+    assert opened == events.OpenSeat(0, LANES[MATCH], Team.RED)
     assert isinstance(published, events.Publish)
     assert both.heard == [Ready(known_ticks=0)]
 
@@ -513,7 +515,7 @@ def test_a_seat_is_taken_again_over_another_connection_under_new_keys(both: Join
     both.turn(0)
     both.turn(1)
 
-    assert opened == events.OpenSeat(0, MATCH, Team.RED)
+    assert opened == events.OpenSeat(0, LANES[MATCH], Team.RED)
     assert both.requests[-1].match == MATCH
     assert both.heard[1:] == [orders(0), Ready(known_ticks=1), orders(0), orders(1)]
     assert both.published[1] != both.published[3]
@@ -563,7 +565,7 @@ def test_another_match_than_the_one_that_was_asked_for_makes_another_seat() -> N
 
     closed, begun, opened, _ = both.answer(ticket(NEXT))
 
-    assert (closed, opened) == (events.CloseSeat(0), events.OpenSeat(0, NEXT, Team.RED))
+    assert (closed, opened) == (events.CloseSeat(0), events.OpenSeat(0, LANES[NEXT], Team.RED))
     assert isinstance(begun, events.MatchBegun)
     assert both.heard[-1] == Ready(known_ticks=0)
 

@@ -39,6 +39,7 @@ COMMITMENT = bytes(32)
 def ticket(team: Team = Team.RED, ruleset: Ruleset = PAPER, **changes: Any) -> Ticket:
     plain = Ticket(
         match="m",
+        lane=7,
         team=int(team),
         ruleset={"name": ruleset.name, **to_dict(ruleset)},
         opponent="ann",

@@ -133,10 +133,11 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
     "the operator's answer": (Done(text="ann was sent away"),),
     "a seat": (
         Ticket(
-            match=MATCH, team=0, ruleset={}, opponent="bob", turn_time_s=1.0, bank_s=10.0, tick=0, secret=A, commitment=b"c"
+            match=MATCH, lane=0, team=0, ruleset={}, opponent="bob", turn_time_s=1.0, bank_s=10.0, tick=0, secret=A,
+            commitment=b"c",
         ),
         Ticket(
-            match=MATCH, team=1, ruleset=PAPER, opponent="ann", turn_time_s=None, bank_s=0.125, tick=99, secret=B,
+            match=MATCH, lane=999_999, team=1, ruleset=PAPER, opponent="ann", turn_time_s=None, bank_s=0.125, tick=99, secret=B,
             commitment=b"c" * 200,
         ),
     ),
@@ -238,11 +239,11 @@ def test_the_keys_of_the_network_are_those_of_before(same: Same) -> None:
     seat_topics, match_topics = (observation, action), (public, truth, journal)
     pit_topics = (join, lobby, beat, all_observations, all_actions, all_public, all_truths, all_journals, all_presence)
     readers = (read_action, read_match, read_journal, read_presence)
-    told = [topic("pit", MATCH, team) for topic in seat_topics for team in Team]
+    told = [topic("pit", 7, team) for topic in seat_topics for team in Team]
     told += [topic("pit", MATCH) for topic in match_topics]
     told += [topic("pit") for topic in pit_topics]
     told += [presence("pit", "ann", "c-1")]
-    for key in (*told, "arena/pit/match/m/green/action", "arena", ""):
+    for key in (*told, "arena/pit/lane/7/green/action", "arena", ""):
         told.append(f"{key or '-'}: {[say(read, key) for read in readers]}")
     for chunk in ("ann", "a/b", "*", "", "a" * 64, "a" * 65, "böb"):
         told.append(f"{chunk or '-'}: {is_chunk(chunk)} {say(check_chunk, 'the name', chunk)}")

@@ -52,6 +52,7 @@ class Stranger:
         self.raw: list[tuple[str, bytes]] = []
         """All that came on the seat's key, as it came."""
         self.match = ""
+        self.lane = 0
         self.team = Team.BLUE
         self.sealer: Sealer | None = None
         self.opener: Opener | None = None
@@ -103,8 +104,8 @@ class Stranger:
             answer = self.ask(**changes)
         assert isinstance(answer, Ticket), answer
         if self.match != answer.match:
-            self.match, self.team = answer.match, Team(answer.team)
-            self.session.declare_subscriber(topics.observation(self.pit, answer.match, self.team), self._hear)
+            self.match, self.lane, self.team = answer.match, answer.lane, Team(answer.team)
+            self.session.declare_subscriber(topics.observation(self.pit, answer.lane, self.team), self._hear)
         return answer
 
     def _hear(self, sample: zenoh.Sample) -> None:
@@ -124,7 +125,7 @@ class Stranger:
     def put(self, data: bytes, key: str = "") -> None:
         """Put raw bytes on the seat's action key, or on another."""
         self.session.put(
-            key or topics.action(self.pit, self.match, self.team), data, congestion_control=zenoh.CongestionControl.BLOCK
+            key or topics.action(self.pit, self.lane, self.team), data, congestion_control=zenoh.CongestionControl.BLOCK
         )
 
     def say(self, message: Any, tick: int = 0, key: str = "") -> None:

@@ -70,8 +70,9 @@ SHAPES = (
     "arena/**",
     "arena/pit/**",
     "arena/pit/match/**",
-    "arena/*/match/*/*/observation",
-    "arena/pit/match/*/*/*",
+    "arena/pit/lane/**",
+    "arena/*/lane/*/*/observation",
+    "arena/pit/lane/*/*/*",
     "arena/pit/match/*/*",
     topics.all_actions("pit"),
     topics.all_journals("pit"),
@@ -109,11 +110,14 @@ class Ear:
 
     def wait_for_endings(self, n_matches: int) -> None:
         """Sort what comes until so many matches are over: that is said last."""
+        of_match: list[tuple[str, bytes]] = []
         while n_matches:
             key, payload = self._told.get(timeout=PATIENCE_S)
-            _, _, _, match, kind = key.split("/", 4)
-            self.messages.setdefault(match, []).append((kind, payload))
-            n_matches -= kind == "public" and isinstance(decode(payload), Signed)
+            _, _, _, name, kind = key.split("/", 4)
+            of_match.append((kind, payload))
+            if kind == "public" and isinstance(decode(payload), Signed):  # one match after another is played
+                self.messages[name], of_match = of_match, []
+                n_matches -= 1
 
 
 @dataclass

@@ -245,9 +245,13 @@ class Shots:
     def _match(self) -> str:
         return self._chance.choice([*self._matches, self._matches[0], "beat", "other", "*"])
 
+    def _lane(self) -> int | str:
+        """Return the lane of one's own match, of the one before, or none."""
+        return self._chance.choice([self._one.lane - 1, self._one.lane, self._one.lane - 1, "beat", "other", "*"])
+
     def _act(self, payload: bytes) -> None:
-        key = f"arena/pit/match/{self._match()}/{self._chance.choice(['blue', 'red', 'red', '*', 'green'])}/action"
-        if key.endswith(f"/{self._one.match}/blue/action") and self._chance.random() < 0.5:
+        key = f"arena/pit/lane/{self._lane()}/{self._chance.choice(['blue', 'red', 'red', '*', 'green'])}/action"
+        if key.endswith(f"/{self._one.lane}/blue/action") and self._chance.random() < 0.5:
             payload = self._one.seal(mutate(self._chance, self._chance.choice(EVERY_KIND)))  # of one who has the key
         self._one.put(payload, key)
 

@@ -84,7 +84,7 @@ class Forger:
     def put_again(self, team: Team, data: bytes) -> None:
         """Put what the seat itself has made at some time, which counts for nothing."""
         seat = self._seats[team]
-        self._session.put(data, topics.action(seat.pit, seat.match, team))
+        self._session.put(data, topics.action(seat.pit, seat.lane, team))
 
     def settle(self) -> None:
         """Wait until the referee has dealt with all of it.

@@ -75,7 +75,7 @@ def test_junk_is_counted_and_the_match_ends(serve: Start, play_here: Start, stra
     for orders in stale:
         eve.say(orders)
     eve.say(Ready(known_ticks=2**63))
-    for key in ("arena/pit/match/other/red/action", "arena/pit/match/*/*/action", f"arena/pit/match/{eve.match}/green/action"):
+    for key in ("arena/pit/lane/other/red/action", "arena/pit/lane/*/*/action", f"arena/pit/lane/{eve.lane}/green/action"):
         eve.say(Orders(tick=0, actions=bytes(6)), key=key)
     for tick, actions in enumerate([b"", b"\x01", bytes(50_000), b"\x09" * 6, b"\xff" * 6, *[b"\x02" * 6] * 7]):
         eve.say(Orders(tick=tick, actions=actions), 2**32 - 1 - tick)  # where it says that it belongs is of no matter
@@ -199,7 +199,7 @@ config = zenoh.Config()
 config.insert_json5("mode", json.dumps("client"))
 config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{sys.argv[1]}"]))
 session = zenoh.open(config)
-subscriber = session.declare_subscriber("arena/pit/match/*/*/observation", lambda sample: None)
+subscriber = session.declare_subscriber("arena/pit/lane/*/*/observation", lambda sample: None)
 print("listening", flush=True)
 threading.Event().wait()
 """

@@ -175,8 +175,8 @@ def test_a_request_that_comes_a_second_time_is_refused_and_its_owner_keeps_seat_
     assert isinstance(ticket, Ticket)
     replay()
     ann.take(attempt, ticket)
-    ann.match, ann.team = ticket.match, Team.BLUE
-    ann.session.declare_subscriber(topics.observation("pit", ticket.match, Team.BLUE), ann._hear)
+    ann.match, ann.lane, ann.team = ticket.match, ticket.lane, Team.BLUE
+    ann.session.declare_subscriber(topics.observation("pit", ticket.lane, Team.BLUE), ann._hear)
     for seat in (ann, bob):
         seat.say(Ready(known_ticks=0))
     for tick in range(3):

@@ -18,9 +18,9 @@ from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES
 
 WAIT_S = 10.0
-OBSERVATION, ACTION = topics.observation("p", "m", Team.BLUE), topics.action("p", "m", Team.BLUE)
+OBSERVATION, ACTION = topics.observation("p", 7, Team.BLUE), topics.action("p", 7, Team.BLUE)
 PUBLIC, TRUTH = topics.public("p", "m"), topics.truth("p", "m")
-MARK = topics.action("p", "mark", Team.RED)
+MARK = topics.action("p", 9, Team.RED)
 ELSEWHERE = "arena/q/join"
 Heard = SimpleQueue[tuple[str, bytes]]
 
@@ -112,8 +112,8 @@ def enemy(pit: Pit, request: pytest.FixtureRequest) -> Iterator[zenoh.Session]:
 
 
 def test_a_client_publishes_actions_and_nothing_else(pit: Pit, enemy: zenoh.Session) -> None:
-    foreign = (topics.action("q", "m", Team.BLUE), f"{ACTION}/more", "arena/p/else", "elsewhere")
-    for key in (OBSERVATION, PUBLIC, TRUTH, topics.join("p"), "arena/p/match/*/*/*", "arena/p/**", "**", *foreign):
+    foreign = (topics.action("q", 7, Team.BLUE), f"{ACTION}/more", "arena/p/else", "elsewhere")
+    for key in (OBSERVATION, PUBLIC, TRUTH, topics.join("p"), "arena/p/*/*/*/*", "arena/p/**", "**", *foreign):
         shout(enemy, key, b"forged")
         enemy.declare_publisher(key, allowed_destination=zenoh.Locality.REMOTE).put(b"forged")
 
@@ -175,7 +175,15 @@ def test_the_longest_message_is_not_too_long(pit: Pit, enemy: zenoh.Session) -> 
 def test_a_client_subscribes_to_what_it_may_hear_or_to_nothing(pit: Pit, enemy: zenoh.Session) -> None:
     wide: Heard = SimpleQueue()
     sealed: Heard = SimpleQueue()
-    for key in ("**", "arena/**", "arena/p/**", "arena/p/match/**", "arena/*/match/*/*/observation", "arena/p/match/*/*/*"):
+    for key in (
+        "**",
+        "arena/**",
+        "arena/p/**",
+        "arena/p/match/**",
+        "arena/p/lane/**",
+        "arena/*/lane/*/*/observation",
+        "arena/p/lane/*/*/*",
+    ):
         enemy.declare_subscriber(key, note(wide))
     for key in (ACTION, topics.all_actions("p")):
         enemy.declare_subscriber(key, note(wide))

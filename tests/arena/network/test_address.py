@@ -1,10 +1,14 @@
+from collections.abc import Callable
+from tempfile import TemporaryDirectory
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from arena.errors import InputError
 from arena.network.address import DEFAULT_ENDPOINT, DEFAULT_PIT, Address, parse_address
-from arena.protocol.identity import PUBLIC_BYTES, to_text
+from arena.network.session import Session, open_client, open_router
+from arena.protocol.identity import PUBLIC_BYTES, Identity, to_text
 
 
 @given(
@@ -82,3 +86,35 @@ def test_what_is_no_address_is_refused_in_a_sentence(text: str) -> None:
 )
 def test_a_pit_that_listens_everywhere_is_reached_on_loopback(endpoint: str, here: str) -> None:
     assert Address(endpoint=endpoint, pit="pit", fingerprint="").from_here() == Address(endpoint=here, pit="pit")
+
+
+def test_a_pit_at_a_unix_socket_has_an_address_that_is_read_back() -> None:
+    key = Identity.make().fingerprint
+    address = Address(endpoint="unixsock-stream//tmp/a/pit.sock", pit="mine", fingerprint=key)
+
+    assert str(address) == f"arena+unix:///tmp/a/pit.sock/mine#{key}"
+    assert parse_address(str(address)) == address
+    for text in ("arena+unix:///mine", "arena+unix://host/path/mine"):
+        with pytest.raises(InputError, match="lacks the path of a socket"):
+            parse_address(text)
+
+
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        ("/tmp/" + "x" * 103, "has 108 bytes, and the system takes 107; choose a shorter one"),
+        ("/nowhere/at/all", "the folder of the socket /nowhere/at/all does not exist; make it first"),
+        ("pit.sock", "needs a path from the root"),
+    ],
+)
+@pytest.mark.parametrize("open_end", [lambda where: open_router(where, "p"), open_client])
+def test_a_socket_that_cannot_be_is_one_sentence(path: str, said: str, open_end: Callable[[str], Session]) -> None:
+    with pytest.raises(InputError, match=said):
+        open_end(f"unixsock-stream/{path}")
+
+
+def test_the_longest_path_of_a_socket_is_taken() -> None:
+    with TemporaryDirectory(dir="/tmp") as folder:
+        endpoint = f"unixsock-stream/{folder}/".ljust(len("unixsock-stream/") + 107, "x")
+        with open_router(endpoint, "p"), open_client(endpoint) as client:
+            assert client.name

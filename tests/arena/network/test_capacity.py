@@ -11,9 +11,9 @@ LIMITED = """
 import resource
 resource.setrlimit(resource.RLIMIT_NOFILE, ({soft}, {hard}))
 from arena.errors import InputError
-from arena.network.capacity import most_sessions
+from arena.network.capacity import find_capacity
 try:
-    print(most_sessions(), *resource.getrlimit(resource.RLIMIT_NOFILE))
+    print(find_capacity().sessions, *resource.getrlimit(resource.RLIMIT_NOFILE))
 except InputError as error:
     print(error)
 """

@@ -102,9 +102,9 @@ def test_a_client_waits_for_a_busy_router_instead_of_leaving_it() -> None:
     port = free_port()
     with open_router(f"tcp/127.0.0.1:{port}", "p") as router, closing(Stall(port)) as stall:
         came = threading.Semaphore(0)
-        router.subscribe("arena/p/match/*/*/action", lambda sample: came.release())
+        router.subscribe("arena/p/lane/*/*/action", lambda sample: came.release())
         with open_client(f"tcp/127.0.0.1:{stall.port}") as client:
-            broadcast = client.broadcast("arena/p/match/m/blue/action")
+            broadcast = client.broadcast("arena/p/lane/7/blue/action")
             await_subscribers(broadcast, True)
             stall.reads.clear()
             sender = threading.Thread(target=lambda: [broadcast.put(message) for _ in range(n_messages)], daemon=True)
@@ -143,9 +143,9 @@ def test_tls_carries_messages_to_those_who_trust_the_certificate_only(tmp_path: 
                 open_client(endpoint, ca)
 
         heard: SimpleQueue[bytes] = SimpleQueue()
-        router.subscribe("arena/p/match/*/*/action", lambda sample: heard.put(read_payload(sample)))
+        router.subscribe("arena/p/lane/*/*/action", lambda sample: heard.put(read_payload(sample)))
         with open_client(endpoint, certificate.certificate) as client:
-            client.publisher("arena/p/match/m/blue/action")[0](b"stay")
+            client.publisher("arena/p/lane/7/blue/action")[0](b"stay")
 
             assert heard.get(timeout=WAIT_S) == b"stay"
 

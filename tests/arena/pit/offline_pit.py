@@ -126,7 +126,7 @@ class OfflinePit:
                 self._answer(question, None)
             case ReplyWithJournal(question, journal, offset):
                 self._answer(question, self.journals[journal][offset:])
-            case OpenMatch(match, journal, n_bytes):
+            case OpenMatch(match, journal, n_bytes, _):
                 assert match not in self.files
                 self.files[match] = journal
                 if n_bytes:
@@ -186,12 +186,17 @@ class OfflinePit:
         return read_statement(signed, PIT.public)
 
     def ask_for_journal(self, match: str, offset: int = 0) -> int:
-        return self.ask(lambda question: JournalAsked(question, match, encode(JournalRequest(offset=offset))))
+        question = self.ask(lambda question: JournalAsked(question, match, encode(JournalRequest(offset=offset))))
+        self._open_requests()
+        return question
 
     def pass_time(self, passed_s: float = SWEEP_S) -> None:
         """Let time pass, and then open requests as the shell does."""
         self.now_s += passed_s
         self.do(TimePassed(self.now_s))
+        self._open_requests()
+
+    def _open_requests(self) -> None:
         while self.core.may_open_request:
             self.do(RequestTurn())
             took_s = self.opening_s()
@@ -266,7 +271,7 @@ class Player:
         return self.ticket.match, self.team
 
     def put(self, data: bytes) -> list[Effect]:
-        return self.pit.do(ActionReceived(*self.place, data))
+        return self.pit.do(ActionReceived(self.ticket.lane, self.team, data))
 
     def send(self, message: Message, tick: int = 0) -> "Player":
         self.put(self.sealer.close(encode(message), tick))

@@ -10,10 +10,10 @@ from arena.errors import ForgedError
 from arena.game.types import RULES_VERSION, Team
 from arena.pit import admission
 from arena.pit.admission import FORGET_WAITING_S, HOLD_QUESTION_S
-from arena.pit.events import PresenceChanged, RequestTurn
+from arena.pit.events import JoinAsked, PresenceChanged, RequestTurn
 from arena.pit.matches import PATIENCE_S
+from arena.pit.rationed_queue import MOST_REQUESTS
 from arena.pit.register import Register
-from arena.pit.request_queue import MOST_REQUESTS
 from arena.protocol import handshake
 from arena.protocol.codec import encode
 from arena.protocol.handshake import new_secret
@@ -424,3 +424,24 @@ def test_an_opponent_of_a_key_of_low_order_gets_a_ticket_all_the_same(pit: Offli
 
     assert Player(pit, "ann").join().ticket.opponent == "eve"
     assert pit.replies[question] is None
+
+
+# Connections
+
+
+def test_the_connections_of_those_who_were_accepted_are_known_and_of_nobody_else(pit: OfflinePit) -> None:
+    def ask(player: Player, session: str, **changes: Any) -> None:
+        player.attempt = handshake.Attempt(player.identity, "pit", pit.challenge(), player.join_request(**changes))
+        player.question = pit.ask(lambda question: JoinAsked(question, player.attempt.sealed, session))
+        pit.pass_time()
+
+    ann, bob, eve = Player(pit, "ann"), Player(pit, "bob"), Player(pit, "owned")
+    ask(ann, "a")
+    assert pit.core.find_sessions(pit.now_s) == (set(), {"a"})
+    ask(eve, "e")
+    ask(eve, "b", name="eve", client=bob.client)
+    ask(bob, "b2", name="bob")
+
+    assert pit.core.find_sessions(pit.now_s) == ({"a", "b"}, {"a", "b", "b2"})
+    pit.pass_time(FORGET_WAITING_S)
+    assert pit.core.find_sessions(pit.now_s) == (set(), set())

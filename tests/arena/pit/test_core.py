@@ -18,7 +18,7 @@ from arena.pit.matches import RECEIPTS_S
 from arena.pit.seating import PlannedSeating
 from arena.protocol.codec import encode
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Done, Ended, History, Lobby, Orders, Ready, Refusal, Ticket, Turn, Wait
+from arena.protocol.messages import Done, Ended, History, JournalRequest, Lobby, Orders, Ready, Refusal, Ticket, Turn, Wait
 from arena.protocol.signed import sign_receipt
 from arena.records.journal import journal_name, read_journal, whole_part
 from arena.records.replay import verify
@@ -421,7 +421,7 @@ def test_a_message_that_opens_and_is_none_of_a_seat_s_is_counted(pit: OfflinePit
 
 
 def test_messages_of_no_match_are_ignored(pit: OfflinePit) -> None:
-    assert pit.do(ActionReceived("beat", Team.BLUE, b"")) == []
+    assert pit.do(ActionReceived(999_999, Team.BLUE, b"")) == []
 
 
 # Receipts and journals
@@ -762,3 +762,44 @@ def test_what_cannot_be_written_is_received_by_nobody(pit: OfflinePit) -> None:
         bob.order()
 
     assert (ann.read(), bob.read()) == ([], [])
+
+
+def ask_for_a_piece(pit: OfflinePit, match: str) -> int:
+    return pit.ask(lambda question: JournalAsked(question, match, encode(JournalRequest(offset=0))))
+
+
+def test_journals_have_their_share_of_the_time_while_matches_run_and_the_rest_waits(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob)
+    for player in (ann, bob):
+        player.give_receipt()
+    begin(pit, "eve", "dan")
+    pit.pass_time()
+    n_asked, cost_s, passed_s = 20, 0.05, 5.0
+    pit.opening_s = lambda: cost_s
+    begun_s = pit.now_s
+
+    asked = [ask_for_a_piece(pit, ann.ticket.match) for _ in range(n_asked)]
+    while pit.now_s < begun_s + passed_s:
+        pit.pass_time()
+
+    n_answered = sum(question in pit.replies for question in asked)
+    assert 0.5 * passed_s < n_answered * cost_s / 0.1 < 1.5 * passed_s
+    pit.core.receive(Stopped(), pit.now_s)
+
+
+def test_a_flood_for_journals_does_not_keep_out_who_wants_a_seat(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob)
+    for player in (ann, bob):
+        player.give_receipt()
+    begin(pit, "eve", "dan")
+    pit.opening_s = lambda: 0.05
+    for _ in range(500):
+        ask_for_a_piece(pit, ann.ticket.match)
+
+    assert sum(payload is None for payload in pit.replies.values()) > 300, "what is beyond the bound is dropped"
+    late = Player(pit, "late").send_request()
+    for _ in range(30):
+        pit.pass_time()
+    assert late.pit.lobby().waiting == ["late"]

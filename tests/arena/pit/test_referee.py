@@ -35,7 +35,7 @@ class Bytes(bytes):
 
 class Question:
     def __init__(self, payload: bytes) -> None:
-        self.payload, self.answers = payload, list[bytes]()
+        self.payload, self.sender, self.answers = payload, "", list[bytes]()
 
     def answer(self, payload: bytes) -> None:
         self.answers.append(payload)
@@ -67,6 +67,9 @@ class Network:
 
     def watch_presence(self, key: str, on_change: Callable[[str, bool], None]) -> None:
         """Nobody comes or goes."""
+
+    def relieve(self, find_kept: Callable[[], Any], now_s: float) -> int:
+        return 0
 
     def heartbeat(self, key: str, period_s: float) -> Callable[[], None]:
         return lambda: None
@@ -101,7 +104,7 @@ class Pit:
         for attempt, question in self.ask_for_seats():
             ticket = attempt.open(question.answers[0])
             assert isinstance(ticket, Ticket)
-            self.match, team = ticket.match, Team(ticket.team)
+            self.lane, team = ticket.lane, Team(ticket.team)
             self.sealers[team], _ = attempt.sit(ticket.match, team, ticket.secret)
         self.send(Ready(known_ticks=0))
         return self
@@ -118,13 +121,13 @@ class Pit:
 
     def send(self, message: Message) -> None:
         for team, sealer in self.sealers.items():
-            key = topics.action("pit", self.match, team)
+            key = topics.action("pit", self.lane, team)
             self.network.samples.append(SimpleNamespace(key_expr=key, payload=Bytes(sealer.close(encode(message), 0))))
         self.run()
 
     @property
     def n_sent(self) -> list[int]:
-        return [len(self.network.put[topics.observation("pit", self.match, team)]) for team in Team]
+        return [len(self.network.put[topics.observation("pit", self.lane, team)]) for team in Team]
 
     @property
     def n_written(self) -> int:

@@ -253,18 +253,62 @@ def test_what_cannot_be_written_leaves_the_old_file_and_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str
 ) -> None:
     register = filled(tmp_path / "register.json")
+    register.claim("more", BOB)
+    register.save()
     before = (tmp_path / "register.json").read_bytes()
 
     def fail(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(failing, fail)
-    register.claim("new", BOB)
     with pytest.raises(ArenaError, match=r"cannot write .*register\.json: No space left on device"):
-        register.save()
+        Register(tmp_path / "register.json")
 
     assert (tmp_path / "register.json").read_bytes() == before
     assert [path.name for path in tmp_path.iterdir()] == ["register.json"]
+
+
+def test_a_name_more_does_not_write_the_others_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    register = filled(tmp_path / "register.json")
+    whole = (tmp_path / "register.json").read_bytes()
+    monkeypatch.setattr("json.dump", None)
+
+    register.claim("more", BOB)
+    register.release("ann")
+    register.save()
+
+    monkeypatch.undo()
+    assert (tmp_path / "register.json").read_bytes().startswith(whole)
+    again = Register(tmp_path / "register.json")
+    assert (again.find("more"), again.find("ann")) == (BOB, None)
+    assert json.loads((tmp_path / "register.json").read_text())["names"] == {"more": to_text(BOB)}, "as it is when a pit opens"
+
+
+def test_a_crash_while_a_name_is_written_loses_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "register.json"
+    register = filled(path)
+    n_whole = len(path.read_bytes())
+    register.claim("more", BOB)
+    register.save()
+    data = path.read_bytes()
+
+    for n_bytes in range(n_whole, len(data) + 1):
+        path.write_bytes(data[:n_bytes])
+        again = Register(path)
+        assert (again.find("ann"), again.find("more")) == (ANN, BOB if n_bytes == len(data) else None)
+        again.claim("later", BOB)
+        again.save()
+        assert Register(path).find("later") == BOB
+
+
+def test_a_change_that_cannot_be_written_is_one_arena_error(tmp_path: Path) -> None:
+    register = filled(tmp_path / "register.json")
+    (tmp_path / "register.json").unlink()
+    (tmp_path / "register.json").mkdir()
+    register.claim("more", BOB)
+
+    with pytest.raises(ArenaError, match=r"cannot write .*register\.json: Is a directory"):
+        register.save()
 
 
 def test_a_folder_that_is_gone_is_one_arena_error(tmp_path: Path) -> None:
@@ -286,9 +330,14 @@ def test_a_folder_that_is_gone_is_one_arena_error(tmp_path: Path) -> None:
         '{"names": {"ann": null}, "invites": {}, "banned": {}}',
         '{"names": {}, "invites": {"code": "no key"}, "banned": {}}',
         '{"names": {}, "invites": {}, "banned": {"no key": "ann"}}',
+        '{"names": {}, "invites": {}, "banned": {}} {}',
+        '{"names": {}, "invites": {}, "banned": {}}\njunk\n["names", "ann", null]',
+        '{"names": {}, "invites": {}, "banned": {}}\n["titles", "ann", null]',
+        '{"names": {}, "invites": {}, "banned": {}}\n["names"]',
+        '{"names": {}, "invites": {}, "banned": {}}\n["names", "ann", "no key"]',
         "[" * 100_000,
     ],
-    ids=range(12),
+    ids=range(17),
 )
 def test_a_broken_file_is_one_input_error_and_is_not_touched(tmp_path: Path, text: str) -> None:
     path = tmp_path / "register.json"

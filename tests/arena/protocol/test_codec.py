@@ -50,6 +50,7 @@ VALUES: dict[Any, st.SearchStrategy[Any]] = {
 MESSAGES = st.one_of([st.builds(kind, **{field.name: VALUES[field.type] for field in fields(kind)}) for kind in KINDS])
 TICKET = Ticket(
     match="0123456789abcdef",
+    lane=7,
     team=1,
     ruleset={"name": "paper", **to_dict(load("paper"))},
     opponent="ann",

@@ -9,9 +9,9 @@ from arena.protocol import topics
 CHUNKS = st.from_regex(r"[A-Za-z0-9_-]{1,64}", fullmatch=True)
 
 
-@given(CHUNKS, CHUNKS, st.sampled_from(Team))
-def test_an_action_key_is_read_back(pit: str, match: str, team: Team) -> None:
-    assert topics.read_action(topics.action(pit, match, team)) == (match, team)
+@given(CHUNKS, st.integers(0, 999_999), st.sampled_from(Team))
+def test_an_action_key_is_read_back(pit: str, lane: int, team: Team) -> None:
+    assert topics.read_action(topics.action(pit, lane, team)) == (lane, team)
 
 
 @given(CHUNKS, CHUNKS, CHUNKS)
@@ -22,16 +22,23 @@ def test_a_presence_key_is_read_back(pit: str, name: str, client: str) -> None:
 def test_the_keys_are_those_of_the_design() -> None:
     assert topics.join("p") == "arena/p/join"
     assert topics.lobby("p") == "arena/p/lobby"
-    assert topics.observation("p", "m", Team.RED) == "arena/p/match/m/red/observation"
-    assert topics.action("p", "m", Team.BLUE) == "arena/p/match/m/blue/action"
-    assert topics.all_actions("p") == "arena/p/match/*/*/action"
+    assert topics.observation("p", 7, Team.RED) == "arena/p/lane/7/red/observation"
+    assert topics.action("p", 7, Team.BLUE) == "arena/p/lane/7/blue/action"
+    assert topics.all_actions("p") == "arena/p/lane/*/*/action"
     assert topics.public("p", "m") == "arena/p/match/m/public"
     assert topics.presence("p", "ann", "c") == "arena/p/presence/ann/c"
     assert topics.all_presence("p") == "arena/p/presence/*/*"
 
 
 @pytest.mark.parametrize(
-    "key", ["", "arena/p/match/m/green/action", "arena/p/match/m/*/action", "arena/p/match/m/red", "a/b/c/d/red/f/g"]
+    "key",
+    [
+        "",
+        "arena/p/lane/7/green/action",
+        "arena/p/lane/7/*/action",
+        "arena/p/lane/beat/red/action",
+        "a/b/c/d/red/f/g",
+    ],
 )
 def test_another_key_is_no_seats_key(key: str) -> None:
     with pytest.raises(UnreadableError):

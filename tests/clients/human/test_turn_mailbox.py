@@ -22,6 +22,7 @@ RULES = load("paper").with_({"side": 10})
 N_UNITS = len(RULES.team(Team.RED))
 TICKET = Ticket(
     match="m",
+    lane=7,
     team=int(Team.RED),
     ruleset={"name": RULES.name, **to_dict(RULES)},
     opponent="ann",

@@ -43,7 +43,8 @@ class Venue:
 
     def ticket(self, team: Team) -> Ticket:
         return Ticket(
-            match="m", team=int(team), ruleset={"name": "r", **to_dict(self.ruleset)}, opponent=self.opponent, turn_time_s=None,
+            match="m", lane=7, team=int(team), ruleset={"name": "r", **to_dict(self.ruleset)},
+            opponent=self.opponent, turn_time_s=None,
             bank_s=0.0, tick=0, secret=bytes(32), commitment=b"",
         )  # fmt: skip
 
