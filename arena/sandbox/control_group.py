@@ -18,7 +18,7 @@ from arena.sandbox.limits import Limits
 ROOT = Path("/sys/fs/cgroup")
 _MIB = 1 << 20
 _PERIOD_US = 100_000
-_WEIGHT_V2, _SHARES_V1 = "25", "256"  # a quarter of what others have
+_WEIGHT_V2, _SHARES_V1 = "50", "512"  # half of what others have
 _PREFIX = "arena-"
 _POLL_S, _KILL_S = 0.001, 5.0
 _numbers = count()

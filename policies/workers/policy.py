@@ -82,7 +82,7 @@ class WorkerFactory:
         return WorkerPolicy(ruleset, team, n_seats, self)
 
     def prepare(self, patience_s: float = LOAD_S) -> None:
-        """Start a process, and return once it has loaded the fighter.
+        """Start the processes for the first matches, and return once they have loaded the fighter.
 
         Raises
         ------
@@ -92,14 +92,15 @@ class WorkerFactory:
             The fighter cannot be loaded.
         """
         self._sandbox.check()
-        worker = self.acquire()
+        workers = [self._start() for _ in range(1 if self.is_shared else max(self._n_spare, 1))]
         with self._changed:
-            self._changed.wait_for(lambda: worker.is_loaded or worker.failure is not None, patience_s)
-        if not worker.is_loaded:
-            worker.kill(f"it was not ready after {patience_s:g} s")
-            raise PolicyError(f"{self.spec} cannot start: {worker.failure}")
+            self._changed.wait_for(lambda: all(worker.is_loaded or worker.failure for worker in workers), patience_s)
+        for worker in workers:
+            if not worker.is_loaded:
+                worker.kill(f"it was not ready after {patience_s:g} s")
+                raise PolicyError(f"{self.spec} cannot start: {worker.failure}")
         if not self.is_shared:
-            self._spare.append(worker)
+            self._spare.extend(workers)
 
     def acquire(self) -> Worker:
         """Return a process for one more match."""

@@ -168,7 +168,7 @@ def test_what_a_seat_sends_to_a_pit_that_has_just_resumed_its_match_is_no_fault(
     later.journals = dict(pit.journals)
     later.do(find(pit, FIRST))
 
-    later.do(ActionReceived(*ann.place, ann.sealer.close(encode(Orders(tick=1, actions=bytes(N_UNITS))), 1)))
+    later.do(ActionReceived(ann.ticket.lane, ann.team, ann.sealer.close(encode(Orders(tick=1, actions=bytes(N_UNITS))), 1)))
 
     assert faults(later, ann) == NO_FAULTS
 
@@ -212,7 +212,7 @@ def test_orders_are_charged_until_they_came_and_not_until_they_were_taken_up(pit
     pit.now_s += 7.0  # of which the pit did something else for 6.75 s
     for player, took_s in ((ann, 0.25), (bob, -0.5)):
         orders = player.sealer.close(encode(Orders(tick=1, actions=bytes(N_UNITS))), 1)
-        pit.do(ActionReceived(*player.place, orders, asked_s + took_s))
+        pit.do(ActionReceived(player.ticket.lane, player.team, orders, asked_s + took_s))
 
     turns = [message for player in (ann, bob) for message in player.read()]
 
