@@ -53,6 +53,6 @@ def _check(setting: VenueSetting, record: MatchRecord, files: Sequence[str]) -> 
     except ArenaError as error:
         who = " or ".join(dict.fromkeys(files))
         raise ArenaError(
-            f"match {record.plan.identity} is not stored, and the league stops: {error}. The board was changed by {who}; take it out "
-            'of the league, or play with venue = "network"'
+            f"match {record.plan.identity} is not stored, and the league stops: {error}. The board was changed by {who}; take "
+            'it out of the league, or play with venue = "network"'
         ) from error
