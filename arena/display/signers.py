@@ -14,7 +14,7 @@ from arena.protocol.identity import from_text, to_text
 from arena.records.journal import Header, Seals
 
 PIT = "pit"
-_JOURNALS, _KEYS = "journals", "keys"
+_JOURNALS, _KEYS, _ENTRIES = "journals", "keys", "entries"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +78,9 @@ class Signers:
                     break
             else:
                 if name in self._own and key != self._own[name]:
-                    way_out = f"if another plays under that name there, say --entry {name}={to_text(key)}"
+                    way_out = (
+                        f"if another has that name there, say --entry {name}={to_text(key)}; for a league of yours, --data DIR"
+                    )
                     return f"its {name} has the key {to_text(key)}, not your own key of that name; {way_out}"
         return ""
 
@@ -114,11 +116,14 @@ def _read_pit(text: str) -> bytes:
 
 
 def _load_folder(folder: Path) -> Keyring:
-    """Return the public keys of a folder of private ones; those that cannot be read are not known."""
-    found = {}
-    for path in sorted(folder.glob(f"*{KEY_SUFFIX}")):
-        try:
-            found[path.stem] = load(path).public
-        except InputError:
-            continue
-    return Keyring(pit=found.pop(PIT, None), entries=found)
+    """Return the public keys of a folder of private ones, as a pit or a league keeps them."""
+    entries = {path.stem: public for path in sorted((folder / _ENTRIES).glob(f"*{KEY_SUFFIX}")) if (public := _load(path))}
+    return Keyring(pit=_load(folder / f"{PIT}{KEY_SUFFIX}"), entries=entries)
+
+
+def _load(path: Path) -> bytes | None:
+    """Return a public key; None if it cannot be read, and so is not known."""
+    try:
+        return load(path).public
+    except InputError:
+        return None

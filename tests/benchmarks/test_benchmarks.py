@@ -4,7 +4,10 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
+from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -36,6 +39,10 @@ def _in_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
     for function, defaults in ((measure.rate, (0.001,)), (measure.threaded_rate, (0.001,)), (measure.median_rate, (1,))):
         monkeypatch.setattr(function, "__defaults__", defaults)
     monkeypatch.setattr(measure.paired_rates, "__defaults__", (2,))
+    # A clock on which every look takes a millisecond: no rate is rounded to 0 because the machine was busy.
+    clock = SimpleNamespace(perf_counter=partial(next, count(0, 0.001)), perf_counter_ns=partial(next, count(0, 1_000_000)))
+    for module in (measure, benchmarks.local, benchmarks.policies):
+        monkeypatch.setattr(module, "time", clock)
     for module in (kernel, benchmarks.policies, benchmarks.local):
         monkeypatch.setattr(module, "RUNS", 1)
 
@@ -118,6 +125,7 @@ def test_a_rate_is_work_over_time() -> None:
     assert measure.rate(lambda: 0) == 0
     assert measure.median_rate(lambda: 3, runs=3) > 0
     assert measure.threaded_rate([lambda: 1, lambda: 1]) > 0
+    assert measure.threaded_rate([lambda: 1, lambda: 1], 0.0) > 0, "a thread that began late did nothing"
     one, other, ratio = measure.paired_rates(lambda: 2, lambda: 2)
     assert min(one, other, ratio) > 0
 

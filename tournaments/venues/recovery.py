@@ -12,6 +12,7 @@ from arena.errors import ArenaError, InputError, JournalError
 from arena.files import read_file
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
+from arena.policy import MatchResult
 from arena.records.framing import CutShortError
 from arena.records.journal import Header, Journal, Mark, journal_name, read_journal, whole_part
 from arena.records.plan import MatchPlan
@@ -38,6 +39,13 @@ def find_ended(journals: Path, ruleset: Ruleset, plans: Iterable[MatchPlan]) -> 
             continue
         if outcome is not None:
             yield outcome
+
+
+def check_journal(journals: Path, ruleset: Ruleset, plan: MatchPlan, result: MatchResult) -> None:
+    """Play the journal of a match again that has just ended; `ArenaError` if it does not hold, or not with this result."""
+    outcome = _read(journals / journal_name(plan.identity), ruleset, plan)
+    if outcome is None or outcome.result != result:
+        raise JournalError("it ends otherwise than the match did")
 
 
 def set_aside(journals: Path) -> None:

@@ -109,8 +109,8 @@ def test_nobody_else_plays_under_a_name_of_one_s_own(here: Run, file: Path) -> N
     said = reason(here("replay", "verify", file, "--json"))
 
     assert said == (
-        f"its bob has the key {other}, not your own key of that name; if another plays under that name there, "
-        f"say --entry bob={other}"
+        f"its bob has the key {other}, not your own key of that name; if another has that name there, "
+        f"say --entry bob={other}; for a league of yours, --data DIR"
     )
     assert here("replay", "verify", file, "--entry", f"bob={other}").returncode == 0
     assert own != other
@@ -121,10 +121,15 @@ def test_journals_of_one_s_own_data_folder_are_by_the_keys_beside_them(
     here: Run, played: Played, tmp_path: Path, league: str
 ) -> None:
     own_key(PIT, tmp_path / "keys" / league / "pit.key")
+    own_key(ENTRIES[Team.BLUE], tmp_path / "keys" / league / "entries" / "ann.key")
     path, forged = (tmp_path / "journals" / league / f"{name}.journal" for name in ("genuine", "forged"))
     path.parent.mkdir(parents=True)
     path.write_bytes(played.data())
-    assert here("replay", "verify", path, "--data", tmp_path).returncode == 0
+    load_or_make(entry_key_path("ann"))  # another key of the same name, which plays elsewhere
+    done = here("replay", "verify", path, "--data", tmp_path)
+    assert done.returncode == 0
+    assert f"the pit of this data folder {PIT.fingerprint}" in done.stdout
+    assert f"the key ann of this league {ENTRIES[Team.BLUE].fingerprint}" in done.stdout
 
     (tmp_path / "keys" / league / "pit.key").unlink()
     own_key(STRANGER, tmp_path / "keys" / league / "pit.key")
