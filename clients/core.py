@@ -264,7 +264,7 @@ class ClientCore:
             case Ticket():
                 self._take(slot, attempt, message)
             case Refusal():
-                raise RefusedError(f"the pit says no: {message.reason}")
+                self._on_refusal(slot, message)
             case Closed():
                 self._effects.append(events.Waiting(f"no more: {message.reason}"))
                 self._free(slot)
@@ -279,6 +279,14 @@ class ClientCore:
         if slot.session is None and not slot.is_done:
             self._ask(slot, now_s)
         return True
+
+    def _on_refusal(self, slot: _Slot, refusal: Refusal) -> None:
+        """Give up, or, while another slot is seated, give up this slot alone: its match is played to its end."""
+        if all(other.session is None for other in self._slots if other is not slot):
+            raise RefusedError(f"the pit says no: {refusal.reason}")
+        self._effects.append(events.Waiting(f"no more with slot {slot.number + 1}: {refusal.reason}"))
+        self._free(slot)
+        self._finish(slot)
 
     def _take(self, slot: _Slot, attempt: Attempt, ticket: Ticket) -> None:
         """Take a seat, or the same one again under new keys."""
@@ -333,6 +341,9 @@ class ClientCore:
 
     def _on_disconnect(self, failure: LostPitError, now_s: float) -> None:
         """Keep the seats for another connection; give up once the pit was away for too long."""
+        if self._connected_at_s is None:
+            self._on_failed_attempt(failure, now_s)
+            return
         has_asked = any(slot.question is not None or slot.n_unanswered >= MOST_UNANSWERED for slot in self._slots)
         if self._has_answered:
             self._lost_at_s = now_s
@@ -347,3 +358,12 @@ class ClientCore:
         if self._lost_at_s is None or now_s - self._lost_at_s > self._settings.patience_s:
             raise failure
         self._effects.append(events.Waiting("for the pit to come back"))
+
+    def _on_failed_attempt(self, failure: LostPitError, now_s: float) -> None:
+        """Look for a pit that has never been there, and may open yet."""
+        if self._lost_at_s is None:
+            self._lost_at_s = now_s
+            if self._settings.patience_s:
+                self._effects.append(events.Waiting(f"for the pit at {self._settings.endpoint}"))
+        if now_s - self._lost_at_s >= self._settings.patience_s:
+            raise failure

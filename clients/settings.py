@@ -24,7 +24,7 @@ class ClientSettings:
     n_slots: int = 1
     """Seats to hold at once, at most."""
     patience_s: float = 60.0
-    """How long to look for a pit that was lost."""
+    """How long to look for a pit that is not open yet, or was lost."""
     is_patient: bool = False
     """Whether the policy may raise `arena.policy.Thinking`, to be asked again."""
     rules_hash: str = ""

@@ -73,6 +73,8 @@ class OpenSeating(Seating):
     def __init__(self, make_plan: Callable[[str, str], MatchPlan], n_matches: int | None) -> None:
         self._make_plan, self._left = make_plan, n_matches
         self._waiting: dict[Team, tuple[SlotId, str]] = {}
+        self._in_line: dict[SlotId, tuple[Team, str]] = {}
+        """Slots that want a team which another slot of the same entry waits on, the first first."""
 
     @property
     def is_done(self) -> bool:
@@ -96,13 +98,28 @@ class OpenSeating(Seating):
             wanted = list(Team) if request.team == "any" else [Team[request.team.upper()]]
             free = [team for team in wanted if team not in self._waiting]
             if not free:
-                name = self._waiting[wanted[0]][1]
+                holder, name = self._waiting[wanted[0]]
+                if holder.entry == slot.entry:
+                    self._in_line.setdefault(slot, (wanted[0], request.name))
+                    return Wait(reason="for an opponent")
                 other = wanted[0].other.name.lower()
                 hint = "it is free" if wanted[0].other not in self._waiting else "it is taken as well"
                 return Refusal(reason=f"{wanted[0].name.lower()} is taken, by {name}; try {other}: {hint}")
+            self._in_line.pop(slot, None)
             self._waiting[free[0]] = (slot, request.name)
+        return self._pair() or Wait(reason="for an opponent")
+
+    def pair_up(self, now_s: float) -> Pairing | None:
+        """Seat slots that stood in line for teams that are free now, and return the match that can begin by that."""
+        for slot, (team, name) in list(self._in_line.items()):
+            if team not in self._waiting and not self.is_done:
+                del self._in_line[slot]
+                self._waiting[team] = (slot, name)
+        return self._pair()
+
+    def _pair(self) -> Pairing | None:
         if len(self._waiting) < len(Team):
-            return Wait(reason="for an opponent")
+            return None
         (blue, blue_name), (red, red_name) = self._waiting[Team.BLUE], self._waiting[Team.RED]
         self._waiting.clear()
         if self._left is not None:
@@ -112,6 +129,7 @@ class OpenSeating(Seating):
     def forget(self, slot: SlotId) -> None:
         """Free the team that a slot waited on."""
         self._waiting = {team: waiting for team, waiting in self._waiting.items() if waiting[0] != slot}
+        self._in_line.pop(slot, None)
 
 
 class PlannedSeating(Seating):

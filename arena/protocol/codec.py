@@ -16,13 +16,21 @@ _pack = msgpack.Packer().pack
 _NUMBERS = {kind: number for number, kind in enumerate(_KINDS)}
 
 
-def encode(message: Message, version: int = PROTOCOL_VERSION) -> bytes:
-    """Return the bytes of a message."""
+def encode(message: Message, version: int | None = None) -> bytes:
+    """Return the bytes of a message; without `version`, of this version of the protocol."""
     kind: type = type(message)
-    return bytes(_pack([version, _NUMBERS[kind], *[getattr(message, name) for name, _ in _shape(kind)]]))
+    return bytes(
+        _pack(
+            [
+                PROTOCOL_VERSION if version is None else version,
+                _NUMBERS[kind],
+                *[getattr(message, name) for name, _ in _shape(kind)],
+            ]
+        )
+    )
 
 
-def decode(data: bytes, version: int = PROTOCOL_VERSION) -> Message:
+def decode(data: bytes, version: int | None = None) -> Message:
     """Return the message that `encode` wrote.
 
     Raises
@@ -38,9 +46,9 @@ def decode(data: bytes, version: int = PROTOCOL_VERSION) -> Message:
         raise UnreadableError("the bytes are not msgpack") from error
     if type(values) is not list or len(values) < 2 or type(values[0]) is not int or type(values[1]) is not int:
         raise UnreadableError("the bytes are no message of the arena")
-    theirs, number, *rest = values
-    if theirs != version:
-        raise VersionError(f"the other side speaks version {theirs} of the protocol; this is version {version}")
+    (theirs, number, *rest), ours = values, PROTOCOL_VERSION if version is None else version
+    if theirs != ours:
+        raise VersionError(f"the other side speaks version {theirs} of the protocol; this is version {ours}")
     if not 0 <= number < len(_KINDS):
         raise UnreadableError(f"there is no message of kind {number}")
     kind = _KINDS[number]

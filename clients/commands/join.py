@@ -35,7 +35,7 @@ def join(
     matches: Annotated[int, typer.Option(min=1, help="Leave after so many.")] = 1,
     forever: Annotated[bool, typer.Option("--forever", help="Play until the pit has no more matches.")] = False,
     slots: Annotated[int, typer.Option(min=1, max=256, help="Seats to hold at once.")] = 1,
-    patience: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="How long to look for a pit that is lost.")] = 60,
+    patience: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="How long to look for a pit that is not there.")] = 60,
     rules: Annotated[str, typer.Option(help="Refuse to play any ruleset but this.")] = "",
     invite: Annotated[str, typer.Option(metavar="CODE", help="For a pit that wants one.")] = "",
     key: Annotated[Path | None, typer.Option(metavar="FILE", help="The entry's key; that of its name without it.")] = None,
@@ -198,6 +198,8 @@ def _print_result(seat: "Seat") -> None:
     faults = ", ".join(f"{n} {what}" for what, n in counted.items() if n)
     how = seat.result().describe(seat.team)
     say(f"match {seat.ticket.match}: {how}{f'; counted: {faults}' if faults else ''}")
+    if seat.transcript is not None:
+        say(f"its transcript is {seat.transcript}", err=True)
     first = seat.faults().first_traceback
     if first:
         say("the policy first failed like this:", err=True)

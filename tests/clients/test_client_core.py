@@ -122,9 +122,9 @@ class Joined:
     """Both ends: a core, and a pit that answers what a test wants, made of the protocol's own parts."""
 
     def __init__(self, identity: Identity = PIT, **settings: Any) -> None:
-        usual = {"n_matches": 1, "make": Counter, "identity": ANN, "patience_s": 10.0}
+        usual = {"endpoint": "", "n_matches": 1, "make": Counter, "identity": ANN, "patience_s": 10.0}
         self.core = ClientCore(
-            ClientSettings(endpoint="", pit="pit", name="ann", team="any", **{**usual, **settings}),
+            ClientSettings(pit="pit", name="ann", team="any", **{**usual, **settings}),
             "client",
             lambda ticket, digest, _: Seat(ticket, digest, settings.get("make", Counter)),
         )
@@ -235,6 +235,29 @@ def test_a_refusal_is_an_error_with_the_pits_reason() -> None:
 
     with pytest.raises(RefusedError, match="the pit says no: wrong code"):
         both.answer(Refusal(reason="wrong code"))
+
+
+def test_a_refusal_ends_no_match_of_another_slot() -> None:
+    both = Joined(n_slots=2, n_matches=3)
+    both.connect()
+    both.answer(ticket())
+
+    assert both.answer(Refusal(reason="red is taken")) == [events.Waiting("no more with slot 2: red is taken")]
+    both.turn(0)
+    both.deliver(sign_statement(PIT, ENDED))
+
+    assert both.heard[1] == orders(0)
+    assert (both.core.is_done, both.core.n_ended) == (False, 1)
+    with pytest.raises(RefusedError, match="the pit says no: red is taken"):
+        both.answer(Refusal(reason="red is taken"))
+
+
+def test_a_refusal_to_the_only_slot_that_is_seated_is_an_error() -> None:
+    both = seated()
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
+
+    with pytest.raises(RefusedError, match="banned"):
+        both.answer(Refusal(reason="banned"))
 
 
 def test_a_client_is_done_when_the_pit_has_no_more_matches() -> None:
@@ -599,8 +622,27 @@ def test_patience_begins_anew_with_every_answer(both: Joined) -> None:
         both.answer(ticket())
 
 
-def test_a_pit_that_was_never_there_is_given_up_at_once() -> None:
+def test_a_pit_that_is_not_open_yet_is_looked_for_as_long_as_patience_lasts() -> None:
+    both = Joined(endpoint="tcp/home:7447")
+
+    assert both.feed(events.Disconnected(LOST)) == [events.Waiting("for the pit at tcp/home:7447")]
+    assert both.feed(events.Disconnected(LOST), 9.9) == [], "it was said once"
+    with pytest.raises(LostPitError):
+        both.feed(events.Disconnected(LOST), 0.1)
+
+
+def test_a_pit_that_opens_while_it_is_looked_for_is_played_in() -> None:
     both = Joined()
+    both.feed(events.Disconnected(LOST))
+    both.feed(events.Disconnected(LOST), 9.0)
+
+    both.connect()
+
+    assert isinstance(both.answer(ticket())[0], events.MatchBegun)
+
+
+def test_without_patience_a_pit_that_is_not_open_is_given_up_at_once() -> None:
+    both = Joined(patience_s=0.0)
 
     with pytest.raises(LostPitError):
         both.feed(events.Disconnected(LOST))

@@ -102,7 +102,7 @@ def test_what_cannot_be_is_said_in_one_sentence(serve: Start, join: Start, start
 
 
 def test_a_pit_that_is_not_there_is_said_to_be_so(serve: Start, start: Start, port: int) -> None:
-    absent = start("join", f"arena://127.0.0.1:{port}/pit")
+    absent = start("join", f"arena://127.0.0.1:{port}/pit", "--patience", 0)
     assert absent.finish() == 1
     assert "arena: no pit answers at tcp/127.0.0.1:" in absent.said
 
@@ -110,6 +110,29 @@ def test_a_pit_that_is_not_there_is_said_to_be_so(serve: Start, start: Start, po
     misnamed = start("join", f"arena://127.0.0.1:{port}/pitt")
     assert misnamed.finish() == 1
     assert "arena: no pit called pitt answers at tcp/127.0.0.1:" in misnamed.said
+
+
+def test_the_pit_may_be_opened_last(serve: Start, start: Start, port: int) -> None:
+    address = f"arena://127.0.0.1:{port}/pit"
+    clients = [start("join", address, "--policy", policy) for policy in ("rush", "patrol")]
+    for client in clients:
+        client.wait_for(f"waits for the pit at tcp/127.0.0.1:{port}")
+
+    pit = serve("--matches", 1)
+
+    assert [process.finish() for process in (*clients, pit)] == [0, 0, 0]
+    for client in clients:
+        assert client.said.count("waits for the pit at") == 1
+
+
+def test_slots_of_one_team_wait_for_each_other(serve: Start, join: Start) -> None:
+    pit = serve("--matches", 2)
+    reds = join("--team", "red", "--policy", "rush", "--slots", 2, "--matches", 2)
+    reds.wait_for("waits for an opponent")
+    blue = join("--team", "blue", "--policy", "patrol", "--matches", 2)
+
+    assert [process.finish() for process in (reds, blue, pit)] == [0, 0, 0]
+    assert reds.said.count(" as red by ") == 2
 
 
 def test_a_client_that_was_killed_comes_back_as_a_new_process(serve: Start, join: Start, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from offline_pit import OfflinePit, begin, play
 
 from arena.errors import ArenaError
-from arena.pit.journal_files import PIECE_BYTES, JournalFile, find_unfinished, read_piece
+from arena.pit.journal_files import PIECE_BYTES, JournalFile, SpareJournals, find_unfinished, read_piece
 from arena.protocol.codec import MOST_BYTES, decode
 from arena.protocol.messages import JournalPiece, Refusal
 
@@ -93,3 +93,16 @@ def test_unfinished_matches_are_found_without_a_record_that_was_cut_short(
     assert found.n_bytes == len(pit.journals["pit+2.journal"])
     assert set(found.entries.values()) == {ann.identity.public, bob.identity.public}
     assert "junk.journal cannot be resumed" in caplog.text
+
+
+def test_no_journal_is_written_over_by_that_of_a_match_that_is_played_again(tmp_path: Path) -> None:
+    for data in (b"first", b"second", b"third"):
+        spare = SpareJournals(tmp_path, fsync=False)
+        spare.refill()
+        journal = spare.take("pit+0.journal")
+        journal.append(data)
+        journal.close()
+        spare.close()
+
+    kept = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert kept == {"pit+0.journal.1": b"first", "pit+0.journal.2": b"second", "pit+0.journal": b"third"}

@@ -1,6 +1,7 @@
 """The shell of a pit, with a network of this test: effects are carried out in order, and none after one that fails."""
 
 import resource
+import time
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
@@ -141,6 +142,35 @@ def test_orders_that_come_are_written_and_the_next_turn_is_sent(tmp_path: Path) 
     pit.send(Orders(tick=0, actions=bytes(N_UNITS)))
 
     assert (pit.n_written, pit.n_sent) == (1, [2, 2])
+    pit.referee.close()
+
+
+def test_time_that_the_pit_spends_elsewhere_is_charged_to_no_seat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pit = Pit(tmp_path, n_ticks=2).sit()
+    now_s = [time.monotonic()]
+
+    def read_clock() -> float:
+        now_s[0] += 0.001
+        return now_s[0]
+
+    monkeypatch.setattr("arena.pit.referee.time", SimpleNamespace(monotonic=read_clock))
+    pit.run()  # the queue is seen empty, and each seat was asked
+    [match] = pit.referee.matches
+
+    def hold_up(answer: bytes) -> None:
+        """Have the thread answer somebody for half an hour, while the seats' orders come."""
+        now_s[0] += 1_800.0
+        for team, sealer in pit.sealers.items():
+            data = Bytes(sealer.close(encode(Orders(tick=0, actions=bytes(N_UNITS))), 0))
+            pit.network.samples.append(SimpleNamespace(key_expr=topics.action("pit", pit.match, team), payload=data))
+
+    question: Any = SimpleNamespace(payload=b"", key="", answer=hold_up)
+    pit.network.ask[topics.lobby("pit")](question)
+    pit.run()
+
+    assert pit.n_written == 1
+    assert [match.record(team).late for team in Team] == [0, 0]
+    assert max(match.record(team).latencies_s[0] for team in Team) < 60.0
     pit.referee.close()
 
 

@@ -61,6 +61,34 @@ def test_a_taken_team_is_refused_with_a_hint() -> None:
     assert ask(seating, "bob", "red") == Refusal(reason="red is taken, by ann; try blue: it is free")
 
 
+def test_another_slot_of_the_same_entry_waits_in_line_and_is_seated_when_the_team_is_free() -> None:
+    seating = open_seating()
+    for slot in (0, 1, 2, 1):
+        assert isinstance(ask(seating, "ann", "red", slot), Wait)
+    assert seating.pair_up(0.0) is None
+
+    assert ask(seating, "bob", "blue") == ("0/bob/ann", slot_of("bob"), slot_of("ann", 0))
+    assert seating.pair_up(0.0) is None
+    assert ask(seating, "bob", "blue") == ("0/bob/ann", slot_of("bob"), slot_of("ann", 1))
+    seating.forget(slot_of("ann", 2))
+    assert seating.pair_up(0.0) is None
+    assert isinstance(ask(seating, "bob", "blue"), Wait)
+
+
+def test_a_match_begins_when_a_team_is_free_for_who_stood_in_line() -> None:
+    seating = open_seating(n_matches=2)
+    for slot in (0, 1):
+        ask(seating, "ann", "red", slot)
+    ask(seating, "bob", "blue")
+    assert isinstance(ask(seating, "cid", "blue"), Wait)
+
+    pairing = seating.pair_up(0.0)
+
+    assert pairing is not None
+    assert pairing.slots == {Team.BLUE: slot_of("cid"), Team.RED: slot_of("ann", 1)}
+    assert seating.is_done
+
+
 def test_asking_again_keeps_the_seat() -> None:
     seating = open_seating()
 
