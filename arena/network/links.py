@@ -21,7 +21,8 @@ from zenoh.handlers import Callback
 
 from arena.network.capacity import Capacity
 
-_SWEEP_S = 0.1
+_SWEEP_S, _COUNT_S = 0.1, 0.5
+"""Between two looks at the sessions; and, while there is no crowd, at how many files there are, which takes longer."""
 _FULL, _RELIEVED = 7 / 8, 3 / 4
 """Of the room for sessions: beyond the first, they are cut down to the second. Those pending are cut down to half."""
 _DESCRIPTORS = "/dev/fd"
@@ -59,7 +60,7 @@ class Links:
         """Connections that have no session yet, the oldest first; as they were found last."""
         self._n_own_files = _count_files()
         """Files that are no connections, or more than there are."""
-        self._next_sweep_s = -math.inf
+        self._next_sweep_s = self._next_count_s = -math.inf
         self._listener = session.info.declare_link_events_listener(Callback(self._events.put, indirect=False), history=True)
 
     def relieve(self, find_kept: Callable[[], Kept], now_s: float) -> int:
@@ -71,10 +72,13 @@ class Links:
             return 0
         self._next_sweep_s = now_s + _SWEEP_S
         self.take_events()
+        is_full = len(self.sessions) > _FULL * self._capacity.sessions
+        if not is_full and now_s < self._next_count_s:
+            return 0
         n_files = _count_files()
         self._n_own_files = min(self._n_own_files, n_files - len(self.sessions))
-        is_full = len(self.sessions) > _FULL * self._capacity.sessions
         if not is_full and n_files - len(self.sessions) - self._n_own_files <= self._capacity.pending / 2:
+            self._next_count_s = now_s + _COUNT_S
             return 0
         sockets = _find_sockets(self._port)
         self._n_own_files = n_files - len(sockets)

@@ -28,9 +28,10 @@ logger = logging.getLogger(__name__)
 
 RECEIPTS_S = 2.0
 """How long a match that is over waits for its receipts."""
-_LANES_A_PROCESS = 3_000
 PATIENCE_S = 1.0
 """How long seats may take to get ready, while others wait for room."""
+_LANES_APART = 3_000
+"""Between the first lanes of two processes: more than a pit ever needs at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +50,7 @@ class Matches:
     ) -> None:
         self._context, self._ruleset, self._time_control = context, ruleset, time_control
         self._seating, self._register = seating, register
-        self._lanes = Lanes(first=_LANES_A_PROCESS * new_secret()[0])
+        self._lanes = Lanes(first=_LANES_APART * new_secret()[0])
         self._by_lane: dict[int, MatchSession] = {}
         """Those that run, and those that wait for their receipts."""
         self._running: dict[str, MatchSession] = {}
