@@ -7,7 +7,6 @@ from arena.errors import InputError
 from arena.files import read_file
 from arena.protocol.identity import from_text
 from policies.program import PREFIX as PROGRAM
-from policies.registry import OWN, REFERENCES, shipped
 
 REMOTE = "key:"
 """Stands before the public key of an entry that joins by itself, from wherever it is."""
@@ -39,11 +38,6 @@ def public_key_of(spec: str) -> bytes | None:
         What stands after `key:` is no public key.
     """
     return from_text(spec.removeprefix(REMOTE)) if spec.startswith(REMOTE) else None
-
-
-def is_strangers(spec: str) -> bool:
-    """Whether a fighter is none of those that come with the arena."""
-    return spec not in OWN and spec not in REFERENCES and spec not in shipped()
 
 
 def fingerprint_of(spec: str) -> str:
