@@ -12,6 +12,7 @@ from arena.jit import cache_root
 from arena.network.address import parse_address
 from arena.network.session import open_client
 from arena.protocol.identity import to_text
+from arena.sandbox.bubblewrap import why_no_limits, why_no_wall
 from clients.lobby import ask_challenge, ask_lobby
 from policies.precompile import fighter_kernels
 from policies.registry import OWN, shipped
@@ -27,7 +28,7 @@ def compile_all() -> None:
 
 def examine(pit: str, authority: Path | None) -> list[Finding]:
     """Return the findings; that of the pit last, if one is named."""
-    findings = [_check_versions(), _check_kernels()]
+    findings = [_check_versions(), _check_kernels(), _check_sandbox()]
     if pit:
         findings.append(_check_pit(pit, authority))
     return findings
@@ -50,6 +51,11 @@ def _check_kernels() -> Finding:
         True,
         f"{len(missing)} of {len(kernels)} are not compiled yet ({names}), in {root}; arena doctor --compile does it now",
     )
+
+
+def _check_sandbox() -> Finding:
+    why = why_no_wall() or why_no_limits()
+    return "sandbox", why is None, why or "strangers' fighters can be kept behind walls, under limits"
 
 
 def _all_kernels() -> list[Kernel]:

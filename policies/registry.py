@@ -80,6 +80,11 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
     raise UnknownNameError("policy", spec, names())
 
 
+def is_file_or_program(spec: str) -> bool:
+    """Whether a fighter is code or weights that neither ship with the arena nor were installed with a package."""
+    return spec.startswith(PREFIX) or spec.endswith((".py", CHECKPOINT))
+
+
 def load_entry(specs: Mapping[str, str], name: str, *, cheats: bool = False) -> BatchFactory:
     """Return the fighter behind an entry's name; a function of the module, so that workers can be sent it."""
     return load(specs[name], cheats=cheats)

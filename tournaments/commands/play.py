@@ -26,29 +26,37 @@ def play(
     board: Annotated[Path | None, typer.Option(metavar="FILE", help="Play on this board, drawn as text.")] = None,
     seed: Annotated[int | None, typer.Option(help="Makes the matches reproducible; a fresh one without it.")] = None,
     journals: Annotated[Path | None, typer.Option(metavar="DIR", help="Keep each match's journal here.")] = None,
+    sandbox: Annotated[
+        bool, typer.Option("--sandbox", help="Let bot files, programs and checkpoints see nothing of this machine.")
+    ] = False,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; one per core without it.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Let two fighters play each other in this process, and count from A's side."""
+    """Let two fighters play each other in this process, and count from A's side.
+
+    Bot files share it with the board, and could read or write what the other thinks: this is for fighters that you trust, unless
+    --sandbox gives each a process of its own behind a wall.
+    """
     import secrets
 
     from arena.compiling import compile_kernels, game_kernels
     from arena.game.keys import secret_from_seed
     from arena.local.venue import play as play_matches
     from policies.precompile import fighter_kernels
-    from policies.registry import load, load_entry
+    from policies.registry import load_entry
+    from policies.workers.load import load_apart
     from tournaments.fixture import plan_fixture, tally
 
     ruleset = _ruleset(rules, settings or [], board)
     specs = _entries(one, other)
+    finder = partial(load_apart if sandbox else load_entry, specs, cheats=True)
     with stdout_to_stderr():
-        for spec in specs.values():
-            load(spec, cheats=True)
+        for name in specs:
+            finder(name)
         compile_kernels([*game_kernels(ruleset), *fighter_kernels(specs.values())])
     seed = secrets.randbelow(2**53) if seed is None else seed
     first, second = specs
     plans = plan_fixture("play", first, second, pairs, secret_from_seed(seed))
-    finder = partial(load_entry, specs, cheats=True)
     with stdout_to_stderr(), progress_bar(len(plans), f"{first} against {second}") as advance:
         records = []
         for record in play_matches(ruleset, plans, finder, journals=journals, n_workers=workers):

@@ -19,11 +19,6 @@ def kind_of_file(spec: str) -> str | None:
     return None if spec.startswith((PROGRAM, REMOTE)) else FILES.get(Path(spec).suffix)
 
 
-def is_strangers(spec: str) -> bool:
-    """Whether a fighter is code or weights that neither ship with the arena nor were installed with a package."""
-    return kind_of_file(spec) is not None or spec.startswith(PROGRAM)
-
-
 def name_of(spec: str) -> str:
     """Return what an entry is called that was given no name: a file's without its ending, else all that is said of it."""
     return spec if kind_of_file(spec) is None else Path(spec).stem

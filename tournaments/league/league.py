@@ -11,7 +11,8 @@ from arena.game.ruleset import Ruleset
 from arena.match.time_control import TimeControl
 from arena.sandbox.limits import BEHIND_A_WALL, NO_LIMITS, Limits
 from arena.sandbox.process import Sandbox
-from tournaments.league.entries import fingerprint_of, is_strangers, public_key_of
+from policies.registry import is_file_or_program
+from tournaments.league.entries import fingerprint_of, public_key_of
 from tournaments.ratings.sprt import Sprt
 
 VENUES = ("network", "local", "ray")
@@ -65,7 +66,7 @@ class League:
     @cached_property
     def sandboxes(self) -> Mapping[str, Sandbox]:
         """Where the fighters run that are files or programs, in the venue `network`, by entry."""
-        return {name: self._sandbox(name) for name, spec in self.entries.items() if is_strangers(spec)}
+        return {name: self._sandbox(name) for name, spec in self.entries.items() if is_file_or_program(spec)}
 
     def _sandbox(self, name: str) -> Sandbox:
         has_wall = self.has_walls and name not in self.trusted
@@ -92,7 +93,7 @@ class League:
                 raise LeagueError(
                     f'league {self.name} names {name} by its key, and who joins by itself can only come to venue = "network"'
                 )
-        strangers = [name for name, spec in self.entries.items() if is_strangers(spec) and name not in self.trusted]
+        strangers = [name for name, spec in self.entries.items() if is_file_or_program(spec) and name not in self.trusted]
         if venue != "network" and strangers:
             raise LeagueError(
                 f'league {self.name} plays {" and ".join(strangers)} in venue = "{venue}", where a fighter could read and write '

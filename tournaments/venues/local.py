@@ -8,8 +8,7 @@ from arena.game.types import Team
 from arena.local.venue import MatchRecord
 from arena.local.venue import play as play_matches
 from arena.records.plan import MatchPlan
-from policies.registry import load_entry
-from tournaments.league.entries import is_strangers
+from policies.registry import is_file_or_program, load_entry
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.venues.recovery import check_journal, find_ended
 from tournaments.venues.setting import VenueSetting
@@ -33,7 +32,7 @@ def play_rest(
         can write there; what it wrote is no result. (It can also give orders for its enemy, which nobody sees: only the venue
         `network` keeps it away from the board.)
     """
-    strangers = {name: spec for name, spec in setting.entries.items() if is_strangers(spec)}
+    strangers = {name: spec for name, spec in setting.entries.items() if is_file_or_program(spec)}
     left = {plan.identity: plan for plan in plans}
     for outcome in find_ended(setting.journals, setting.ruleset, plans):
         del left[outcome.identity]
