@@ -27,6 +27,7 @@ from arena.sandbox.limits import NO_LIMITS, Limits
 from arena.sandbox.process import Sandbox
 from policies.each_seat import UNREADABLE
 from policies.program import PREFIX as PROGRAM
+from policies.registry import is_file_or_program
 from policies.workers.worker import OutputLog, Worker
 
 LOAD_S = 60.0
@@ -67,7 +68,8 @@ class WorkerFactory:
         patience_s: float | None = None,
     ) -> None:
         self.spec, self.wake, self.on_limit = spec, wake, on_limit
-        self._sandbox = Sandbox(has_wall=has_wall, limits=limits, readable=tuple(_files_of(spec)))
+        self._command, files = _resolve(spec)
+        self._sandbox = Sandbox(has_wall=has_wall, limits=limits, readable=(*files, cache_root()))
         self._n_spare, self._patience_s = n_spare, patience_s
         self._log = OutputLog(limits)
         self._spare: deque[Worker] = deque()
@@ -146,7 +148,7 @@ class WorkerFactory:
         if not self._sandbox.has_wall:
             environment = {**os.environ, **environment}
         worker = Worker(
-            self.spec, self._sandbox, environment, log=self._log, on_change=self._on_change, on_limit=self.on_limit
+            self._command, self._sandbox, environment, log=self._log, on_change=self._on_change, on_limit=self.on_limit
         )  # fmt: skip
         self._workers.add(worker)
         return worker
@@ -158,11 +160,22 @@ class WorkerFactory:
             self.wake()
 
 
-def _files_of(spec: str) -> list[Path]:
-    """Return the files that a fighter needs to be there: its own, or those that its command line names, and our kernels."""
-    words = shlex.split(spec.removeprefix(PROGRAM)) if spec.startswith(PROGRAM) else [spec]
-    paths = [Path(word) for word in words if word.startswith("/") or not spec.startswith(PROGRAM)]
-    return [path.absolute() for path in [*paths, cache_root()] if path.exists()]
+def _resolve(spec: str) -> tuple[str, list[Path]]:
+    """Return a fighter such that it is found from any folder, and the files that it names."""
+    if not spec.startswith(PROGRAM):
+        path = Path(spec).absolute()
+        return (str(path), [path]) if is_file_or_program(spec) and path.exists() else (spec, [])
+    try:
+        words = shlex.split(spec.removeprefix(PROGRAM))
+    except ValueError:
+        return spec, []  # whoever loads it says so
+    files = []
+    for number, word in enumerate(words):
+        path = Path(word).absolute()
+        if path.exists() and (word.startswith("/") or path.is_file()) and (number > 0 or "/" in word):
+            words[number] = str(path)
+            files.append(path)
+    return PROGRAM + shlex.join(words), files
 
 
 @dataclass(slots=True)
