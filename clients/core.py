@@ -13,7 +13,6 @@ comes over the network counts only once the pit's signature or seal was checked.
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from arena.errors import ArenaError, LostPitError, ProtocolError, RefusedError, UnreadableError, VersionError
 from arena.game.types import RULES_VERSION
@@ -26,6 +25,7 @@ from clients.audit import JournalDownload, audit
 from clients.seat import Seat
 from clients.seat_session import SeatSession, read_commitment
 from clients.settings import ClientSettings
+from clients.slot import Question, Slot
 
 logger = logging.getLogger(__name__)
 
@@ -44,36 +44,6 @@ MakeSeat = Callable[[Ticket, bytes, bytes], Seat]
 """From a ticket, the pit's commitment to its match, and the pit's public key."""
 
 
-@dataclass(slots=True)
-class _Question:
-    """What a slot has asked, and not heard the answer of."""
-
-    query: int
-    asked_at_s: float
-    limit_s: float
-    attempt: Attempt | None = None
-    """The request that was sent; None while its challenge is awaited."""
-
-
-@dataclass(slots=True)
-class _Slot:
-    """One of the seats that a client may hold at once."""
-
-    number: int
-    session: SeatSession | None = None
-    """Outlives a connection, so that its seat can be taken again."""
-    is_open: bool = False
-    """Whether the session's keys are published on and subscribed to."""
-    question: _Question | None = None
-    n_unanswered: int = 0
-    has_heard: bool = False
-    """Whether the referee was heard since the last `TimePassed`."""
-    heard_at_s: float = 0.0
-    last_match: str = ""
-    """The match that ended here last: a late ticket for it is of no use."""
-    is_done: bool = False
-
-
 class ClientCore:
     """Plays until there is nothing more to play. The caller carries the effects out, in their order.
 
@@ -85,7 +55,7 @@ class ClientCore:
 
     def __init__(self, settings: ClientSettings, client: str, make_seat: MakeSeat) -> None:
         self._settings, self._client, self._make_seat = settings, client, make_seat
-        self._slots = [_Slot(number) for number in range(settings.n_slots)]
+        self._slots = [Slot(number) for number in range(settings.n_slots)]
         self._n_left = settings.n_slots
         """Slots that are not done."""
         self._audits: dict[int, tuple[SeatSession, JournalDownload]] = {}
@@ -134,7 +104,7 @@ class ClientCore:
 
     # A seat's messages
 
-    def _on_delivery(self, slot: _Slot, payload: bytes, now_s: float) -> None:
+    def _on_delivery(self, slot: Slot, payload: bytes, now_s: float) -> None:
         if slot.session is None or not slot.is_open:
             return
         try:
@@ -153,10 +123,10 @@ class ClientCore:
             if slot.session is not None and slot.is_open:
                 self._publish(slot, slot.session.think())
 
-    def _publish(self, slot: _Slot, said: list[bytes]) -> None:
+    def _publish(self, slot: Slot, said: list[bytes]) -> None:
         self._effects += [events.Publish(slot.number, payload) for payload in said]
 
-    def _end(self, slot: _Slot, session: SeatSession, now_s: float) -> None:
+    def _end(self, slot: Slot, session: SeatSession, now_s: float) -> None:
         """Leave a match that is over, and go on to the next."""
         self.n_ended += 1
         self._effects.append(events.MatchEnded(session.seat))
@@ -165,14 +135,14 @@ class ClientCore:
         self._free(slot)
         self._ask(slot, now_s)
 
-    def _free(self, slot: _Slot) -> None:
+    def _free(self, slot: Slot) -> None:
         if slot.session is not None and slot.session.seat.ended is not None:
             slot.last_match = slot.session.seat.ticket.match
         if slot.is_open:
             self._effects.append(events.CloseSeat(slot.number))
         slot.session, slot.is_open = None, False
 
-    def _finish(self, slot: _Slot) -> None:
+    def _finish(self, slot: Slot) -> None:
         self._n_left -= not slot.is_done
         slot.is_done = True
 
@@ -194,7 +164,7 @@ class ClientCore:
                 self._ask(slot, now_s)
         self._think()
 
-    def _ask(self, slot: _Slot, now_s: float) -> None:
+    def _ask(self, slot: Slot, now_s: float) -> None:
         """Ask for a seat, or, with one, whether its match still runs; unless that was asked already."""
         n_matches = self._settings.n_matches
         if slot.session is None and n_matches is not None and self._n_begun >= n_matches:
@@ -202,7 +172,7 @@ class ClientCore:
         elif slot.question is None:
             limit_s = ANSWER_S if slot.session is None else PROBE_S
             query = self._query(topics.join(self._settings.pit), encode(ChallengeRequest()), limit_s)
-            slot.question = _Question(query, now_s, limit_s)
+            slot.question = Question(query, now_s, limit_s)
 
     def _query(self, key: str, payload: bytes, timeout_s: float) -> int:
         self._n_queries += 1
@@ -225,7 +195,7 @@ class ClientCore:
                 if not is_answered:
                     slot.n_unanswered += 1  # asked again at the next `TimePassed`
 
-    def _on_challenge(self, slot: _Slot, limit_s: float, payload: bytes, now_s: float) -> bool:
+    def _on_challenge(self, slot: Slot, limit_s: float, payload: bytes, now_s: float) -> bool:
         """Send the request, if the pit is the one that was meant; return whether a pit made the challenge."""
         settings = self._settings
         try:
@@ -249,10 +219,10 @@ class ClientCore:
         )
         attempt = Attempt(settings.identity, settings.pit, challenge, request)
         query = self._query(topics.join(settings.pit), attempt.sealed, limit_s)
-        slot.question = _Question(query, now_s, limit_s, attempt)
+        slot.question = Question(query, now_s, limit_s, attempt)
         return True
 
-    def _on_answer(self, slot: _Slot, attempt: Attempt, payload: bytes, now_s: float) -> bool:
+    def _on_answer(self, slot: Slot, attempt: Attempt, payload: bytes, now_s: float) -> bool:
         """Act on the answer to a request; return whether the pit gave it."""
         try:
             message = attempt.open(payload)
@@ -280,7 +250,7 @@ class ClientCore:
             self._ask(slot, now_s)
         return True
 
-    def _on_refusal(self, slot: _Slot, refusal: Refusal) -> None:
+    def _on_refusal(self, slot: Slot, refusal: Refusal) -> None:
         """Give up, or, while another slot is seated, give up this slot alone: its match is played to its end."""
         if all(other.session is None for other in self._slots if other is not slot):
             raise RefusedError(f"the pit says no: {refusal.reason}")
@@ -288,7 +258,7 @@ class ClientCore:
         self._free(slot)
         self._finish(slot)
 
-    def _take(self, slot: _Slot, attempt: Attempt, ticket: Ticket) -> None:
+    def _take(self, slot: Slot, attempt: Attempt, ticket: Ticket) -> None:
         """Take a seat, or the same one again under new keys."""
         if ticket.match == slot.last_match:
             return
@@ -310,7 +280,7 @@ class ClientCore:
             slot.is_open = True
         self._publish(slot, slot.session.listen())
 
-    def _on_late_ending(self, slot: _Slot, session: SeatSession, signed: Signed, now_s: float) -> None:
+    def _on_late_ending(self, slot: Slot, session: SeatSession, signed: Signed, now_s: float) -> None:
         """Learn how the match ended while this client was away."""
         try:
             receipt = session.accept_ending(signed)
