@@ -90,17 +90,8 @@ class ControlGroup:
 
     def kill(self) -> None:
         """Kill all that is in it, whatever became of its parents."""
-        folder = self.folders["pids"]
-        if (folder / "cgroup.kill").exists():
-            (folder / "cgroup.kill").write_text("1")
-            return
-        (folder / "pids.max").write_text("0")  # so that none is started meanwhile
-        give_up_at_s = time.monotonic() + _KILL_S
-        while (pids := (folder / "cgroup.procs").read_text().split()) and time.monotonic() < give_up_at_s:
-            for pid in pids:
-                with suppress(ProcessLookupError):
-                    os.kill(int(pid), signal.SIGKILL)
-            time.sleep(_POLL_S)
+        (self.folders["pids"] / "pids.max").write_text("0")  # so that none is started meanwhile
+        _kill_all(self.folders["pids"])
 
     def remove(self) -> None:
         """Remove the group; what still runs in it keeps it for `_remove_stale`."""
@@ -139,12 +130,23 @@ def _parents_v2(root: Path) -> dict[str, Path] | None:
 
 
 def _remove_stale(parent: Path) -> None:
-    """Remove groups whose maker was killed."""
+    """Remove groups whose maker was killed, with all that is left in them."""
     for folder in parent.glob(f"{_PREFIX}*-*"):
         maker = folder.name.removeprefix(_PREFIX).partition("-")[0]
         if not Path("/proc", maker).exists():
             with suppress(OSError):
+                _kill_all(folder)
                 folder.rmdir()
+
+
+def _kill_all(folder: Path) -> None:
+    """Kill what is in a group, and wait until it is gone."""
+    give_up_at_s = time.monotonic() + _KILL_S
+    while (pids := (folder / "cgroup.procs").read_text().split()) and time.monotonic() < give_up_at_s:
+        for pid in pids:
+            with suppress(ProcessLookupError):
+                os.kill(int(pid), signal.SIGKILL)
+        time.sleep(_POLL_S)
 
 
 def _count(file: Path, key: str) -> int:

@@ -6,10 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from tournaments.league.limits import NO_LIMITS
-from tournaments.venues.sandbox import SandboxedProcess
 
-from arena.errors import InputError
 from arena.network.session import free_port
 from tournaments.store.store import Store
 
@@ -51,11 +48,10 @@ def test_a_league_without_its_folders_is_one_sentence(
     check(here("tournament", "run", league, "--venue", "network", "--data", tmp_path), sentence.format(tmp_path))
 
 
-def test_a_home_that_is_no_folder_is_one_sentence(tmp_path: Path) -> None:
+def test_a_home_that_is_no_folder_is_one_sentence(here: Run, league: Path, tmp_path: Path) -> None:
     put_file(tmp_path / "homes")
 
-    with (tmp_path / "log").open("wb") as log, pytest.raises(InputError, match="for data: Not a directory"):
-        SandboxedProcess(["true"], NO_LIMITS, tmp_path / "homes" / "rush", log)
+    check(here("tournament", "run", league, "--venue", "network", "--data", tmp_path), "for data: Not a directory")
 
 
 def test_a_pit_whose_journals_lie_nowhere_is_one_sentence(here: Run, tmp_path: Path) -> None:
