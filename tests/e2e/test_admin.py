@@ -20,6 +20,7 @@ from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity
 from arena.protocol.messages import AdminRequest, Challenge, ChallengeRequest, Done, Lobby, Refusal, Signed
+from arena.protocol.signed import STATEMENT_VERSION
 from arena.records.journal import load_journal
 from arena.records.replay import verify
 
@@ -95,7 +96,7 @@ def ask(session: Session, key: str, payload: bytes) -> bytes:
 def lobby(session: Session) -> Lobby:
     signed = decode(ask(session, topics.lobby("pit"), b""))
     assert isinstance(signed, Signed)
-    said = decode(signed.data)
+    said = decode(signed.data, STATEMENT_VERSION)
     assert isinstance(said, Lobby)
     return said
 

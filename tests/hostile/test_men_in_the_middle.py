@@ -23,6 +23,7 @@ from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import new_secret, sign_challenge
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Challenge, Ended, Lobby, Orders, Ready, Refusal, SealedAnswer, Signed, Ticket, Turn, Wait
+from arena.protocol.signed import STATEMENT_VERSION
 from arena.records.journal import load_journal
 from arena.records.replay import verify
 from clients.commands.connecting import trust
@@ -114,7 +115,7 @@ def address(pit: Any, port: int | None = None) -> str:
 def lobby(one: Any) -> Lobby:
     signed = decode(one.query(topics.lobby("pit"), b""))
     assert isinstance(signed, Signed)
-    said = decode(signed.data)
+    said = decode(signed.data, STATEMENT_VERSION)
     assert isinstance(said, Lobby)
     return said
 
