@@ -76,6 +76,7 @@ class WorkerFactory:
         self._workers: set[Worker] = set()
         self._changed = Condition()
         self._next_seat = 0
+        self._is_closed = False
         self.is_shared = not (spec.startswith(PROGRAM) or spec.endswith(".py"))
         atexit.register(self.close)
 
@@ -139,9 +140,9 @@ class WorkerFactory:
     def close(self) -> None:
         """End all processes."""
         atexit.unregister(self.close)
-        for worker in self._workers:
+        self._is_closed = True
+        for worker in list(self._workers):
             worker.kill()
-        self._workers.clear()
 
     def _start(self) -> Worker:
         environment = {"NUMBA_CACHE_DIR": str(cache_root()), "OMP_NUM_THREADS": "1"}  # seats think side by side already
@@ -151,6 +152,8 @@ class WorkerFactory:
             self._command, self._sandbox, environment, log=self._log, on_change=self._on_change, on_limit=self.on_limit
         )  # fmt: skip
         self._workers.add(worker)
+        if self._is_closed:  # by another thread, which may not have seen this one
+            worker.kill()
         return worker
 
     def _on_change(self) -> None:
