@@ -80,6 +80,13 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
     raise UnknownNameError("policy", spec, names())
 
 
+def check_name(spec: str) -> None:
+    """Raise what `load` would raise for a name that no fighter has, without loading one."""
+    if is_file_or_program(spec) or spec in OWN or spec in shipped() or spec in _installed():
+        return
+    load(spec)
+
+
 def is_file_or_program(spec: str) -> bool:
     """Whether a fighter is code or weights that neither ship with the arena nor were installed with a package."""
     return spec.startswith(PREFIX) or spec.endswith((".py", CHECKPOINT))

@@ -61,7 +61,7 @@ def join(
     from clients.runner import Runner
     from clients.settings import ClientSettings
     from policies.precompile import fighter_kernels
-    from policies.registry import OWN
+    from policies.registry import OWN, check_name
     from policies.registry import load as load_policy
     from policies.workers.policy import WorkerFactory
 
@@ -73,7 +73,9 @@ def join(
     mailbox = _make_mailbox(autopilot, slots) if is_human else None
     if autopilot and mailbox is None:
         raise InputError("--autopilot is for --policy human")
+    entry = check_chunk("the name", name or Path((program.split() or [policy])[0] if program else policy).stem)
     spec = f"exec:{program}" if program else policy
+    n_slots = slots if forever else min(slots, matches)
     workers = None
     make: BatchFactory
     if mailbox is not None:
@@ -81,9 +83,15 @@ def join(
     elif spec in OWN and not sandbox:
         make = load_policy(spec)
     else:
+        check_name(spec)
         limits = (BEHIND_A_WALL if sandbox else NO_LIMITS).with_(limit or ())
-        make = workers = WorkerFactory(spec, has_wall=sandbox, limits=limits, n_spare=slots, on_limit=partial(_note, limits_met))
-    entry = check_chunk("the name", name or Path((program.split() or [policy])[0] if program else policy).stem)
+        make = workers = WorkerFactory(
+            spec, has_wall=sandbox, limits=limits, n_spare=n_slots, on_limit=partial(_note, limits_met)
+        )
+    rules_of_audit = game_kernels(load_rules("paper")) if audit else []  # which plays again, perhaps while another slot thinks
+    compile_kernels([*rules_of_audit, *fighter_kernels([] if program else [autopilot or policy])])
+    if workers is not None:
+        workers.prepare()
     settings = ClientSettings(
         endpoint=where.endpoint,
         pit=where.pit,
@@ -91,7 +99,7 @@ def join(
         team=team,
         make=make,
         n_matches=None if forever else matches,
-        n_slots=slots if forever else min(slots, matches),
+        n_slots=n_slots,
         patience_s=patience,
         is_patient=is_human or workers is not None,
         rules_hash=load_rules(rules).hash if rules else "",
@@ -102,8 +110,6 @@ def join(
         on_audit=_print_verdict if audit else None,
         transcripts=data_folder(data_folder(data) / "transcripts") if transcripts else None,
     )
-    rules_of_audit = game_kernels(load_rules("paper")) if audit else []  # which plays again, perhaps while another slot thinks
-    compile_kernels([*rules_of_audit, *fighter_kernels([] if program else [autopilot or policy])])
     if mailbox is not None:
         _play_as_human(mailbox, settings, notes)
         return
@@ -120,7 +126,6 @@ def join(
         runner.run()
         return
     try:
-        workers.prepare()
         workers.wake = runner.wake
         runner.run()
     finally:
