@@ -53,9 +53,10 @@ class Runner:
         on_seat: Callable[[Seat], None],
         on_end: Callable[[Seat], None],
         on_wait: Callable[[str], None],
+        on_tick: Callable[[], None] = lambda: None,
     ) -> None:
         self._settings = settings
-        self._on_seat, self._on_end, self._on_wait = on_seat, on_end, on_wait
+        self._on_seat, self._on_end, self._on_wait, self._on_tick = on_seat, on_end, on_wait, on_tick
         self._client = uuid.uuid4().hex
         self._core = ClientCore(settings, self._client, self._make_seat)
         self._inbox: SimpleQueue[Callable[[], events.Event]] = SimpleQueue()
@@ -105,6 +106,7 @@ class Runner:
                 now_s = time.monotonic()
                 if now_s - checked_at_s > TICK_S:
                     checked_at_s = now_s
+                    self._on_tick()
                     self._take_all()
                     if not session.is_connected() or not self._carry_out(core.receive(events.TimePassed(), now_s)):
                         return

@@ -46,7 +46,11 @@ def join(
     limit: Annotated[
         list[str] | None, typer.Option(metavar="NAME=N", help="What it may use, as memory_mb=500; may be repeated.")
     ] = None,
-    limits_met: Annotated[Path | None, typer.Option(hidden=True, help="File for a line for each limit that it meets.")] = None,
+    alive: Annotated[Path | None, typer.Option(hidden=True, help="File to touch several times a second.")] = None,
+    notes_file: Annotated[
+        Path | None,
+        typer.Option("--notes", hidden=True, help="File for a line for each limit that is met."),
+    ] = None,
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where transcripts live; your data folder without it.")] = None,
 ) -> None:
     """Play matches in a pit, and print how each ended."""
@@ -86,7 +90,7 @@ def join(
         check_name(spec)
         limits = (BEHIND_A_WALL if sandbox else NO_LIMITS).with_(limit or ())
         make = workers = WorkerFactory(
-            spec, has_wall=sandbox, limits=limits, n_spare=n_slots, on_limit=partial(_note, limits_met)
+            spec, has_wall=sandbox, limits=limits, n_spare=n_slots, on_limit=partial(_note, notes_file)
         )
     rules_of_audit = game_kernels(load_rules("paper")) if audit else []  # which plays again, perhaps while another slot thinks
     compile_kernels([*rules_of_audit, *fighter_kernels([] if program else [autopilot or policy])])
@@ -120,7 +124,8 @@ def join(
             printed.add(reason)
             say(f"{settings.name} waits {reason}", err=True)
 
-    runner = Runner(settings, on_seat=_print_seat, on_end=_print_result, on_wait=on_wait)
+    on_tick = (lambda: None) if alive is None else alive.touch
+    runner = Runner(settings, on_seat=_print_seat, on_end=_print_result, on_wait=on_wait, on_tick=on_tick)
     signal.signal(signal.SIGTERM, lambda *_: runner.stop())
     if workers is None:
         runner.run()

@@ -44,6 +44,8 @@ _REFEREE_LOG = "pit.referee.log"  # no name of an entry holds a dot
 _POLL_S = 0.2
 _PATIENCE_S = 20
 _GOODBYE_S = 5
+HUNG_S = 30.0
+"""A client that gave no sign of life for so long is started anew."""
 logger = logging.getLogger(__name__)
 
 
@@ -167,7 +169,7 @@ class ClientProcess:
         self.name = name
         self._log = setting.journals / f"{name}.log"
         self._home = (setting.homes / name).absolute()
-        self._limits_met = self._home / "limits-met"
+        self._notes, self._alive = self._home / "notes", self._home / "alive"
         sandbox = setting.sandboxes.get(name, _TRUSTED)
         self._command = [
             sys.executable,
@@ -190,14 +192,16 @@ class ClientProcess:
             "--patience",
             str(_PATIENCE_S),
             "--sandbox" if sandbox.has_wall else "--no-sandbox",
-            "--limits-met",
-            str(self._limits_met),
+            "--notes",
+            str(self._notes),
+            "--alive",
+            str(self._alive),
             *(f"--limit={assignment}" for assignment in sandbox.limits.assignments()),
         ]
         self._restarts = _RestartLimit(f"the client of {name}", self._log)
         self._grace_s = setting.time_control.grace_s
         self._away: _Absence | None = None
-        self._limits_met.unlink(missing_ok=True)
+        self._notes.unlink(missing_ok=True)
         self._n_noted = 0
         self._start()
 
@@ -205,6 +209,7 @@ class ClientProcess:
         self._away = None
         self._restarts.note_start()
         data_folder(self._home, 0o700)
+        self._alive.unlink(missing_ok=True)
         environment = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ARENA_CONFIG"))}
         environment |= {"HOME": str(self._home), "NUMBA_CACHE_DIR": str(cache_root())}
         with self._log.open("ab") as log:
@@ -220,14 +225,22 @@ class ClientProcess:
     def take_limits_met(self) -> Counter[str]:
         """Return how often the fighter met each of its limits since the last call."""
         try:
-            lines = self._limits_met.read_text(encoding="utf-8").splitlines()
+            lines = self._notes.read_text(encoding="utf-8").splitlines()
         except FileNotFoundError:
             return Counter()
         new, self._n_noted = lines[self._n_noted :], len(lines)
         return Counter(f"{line} limit" for line in new)
 
+    def _hangs(self) -> bool:
+        """Whether the process is there, and does nothing: it leaves a sign of life several times a second."""
+        try:
+            seen_at_s = self._alive.stat().st_mtime
+        except FileNotFoundError:
+            return False  # it still starts, or dies, which is seen elsewhere
+        return time.time() - seen_at_s > HUNG_S
+
     def keep_alive(self, n_left: int) -> None:
-        """Start the client anew if it died, while it still has matches to play.
+        """Start the client anew if it died or hangs, while it still has matches to play.
 
         One that dies again and again stays away until the referee has ruled that it forfeits what it was in the middle of: a bot
         that cannot live through a match loses it, and ends nobody's league.
@@ -242,7 +255,7 @@ class ClientProcess:
         ArenaError
             It died again and again, and no match was there to be ruled on: it does not come as far as that.
         """
-        if n_left == 0 or (self._away is None and self._started.process.poll() is None):
+        if n_left == 0 or (self._away is None and self._started.process.poll() is None and not self._hangs()):
             return
         if self._away is None:
             self._started.end(0)
