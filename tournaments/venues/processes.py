@@ -237,7 +237,10 @@ class ClientProcess:
             seen_at_s = self._alive.stat().st_mtime
         except FileNotFoundError:
             return False  # it still starts, or dies, which is seen elsewhere
-        return time.time() - seen_at_s > HUNG_S
+        if time.time() - seen_at_s <= HUNG_S:
+            return False
+        logger.warning("the client of %s gave no sign of life for %g s; it is started anew", self.name, HUNG_S)
+        return True
 
     def keep_alive(self, n_left: int) -> None:
         """Start the client anew if it died or hangs, while it still has matches to play.

@@ -300,15 +300,18 @@ def test_the_workers_of_a_killed_scheduler_end_with_it(tmp_path: Path) -> None:
         wait_for_the_end_of(workers)
 
 
-def test_a_client_that_is_stopped_is_replaced_and_the_league_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_client_that_is_stopped_is_replaced_and_the_league_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     monkeypatch.setattr(tournament_processes, "HUNG_S", 3.0)
-    setting = replace(make_setting(tmp_path, one="rush", two="patrol"), time_control=TimeControl(turn_time_s=0.2, bank_s=0.0))
-    outcomes = play_network(setting, plan("one", "two", 20))
+    slow = "import time\ndef act(observation):\n    time.sleep(0.05)\n    return [0 for unit in observation.units]\n"
+    setting = make_setting(tmp_path, one="patrol", slow=slow)
+    outcomes = play_network(replace(setting, time_control=TimeControl(turn_time_s=0.5, bank_s=0.0)), plan("one", "slow", 2))
 
     played = [next(outcomes)]
     for pid in sessions("--name one "):
         os.kill(pid, signal.SIGSTOP)
     played += outcomes
 
-    assert len(played) == 40
-    assert any(outcome.seats[team_of(outcome, "one")].faults for outcome in played), "it was stopped when all was over"
+    assert len(played) == 4
+    assert "the client of one gave no sign of life for 3 s; it is started anew" in caplog.messages
