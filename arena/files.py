@@ -79,8 +79,8 @@ def keep_former(path: Path, data: bytes = b"") -> None:
 
     A journal may be there: of a match that was void and is played again, or one that does not hold.
     """
-    if not os.path.lexists(path) or (data and _holds(path, data)):
-        return
+    if not os.path.lexists(path) or path.is_dir() or (data and _holds(path, data)):
+        return  # of a folder, whoever opens it says that it is one
     free = next(free for number in count(1) if not os.path.lexists(free := path.with_name(f"{path.name}.{number}")))
     path.rename(free)
     logger.info("%s was there already, and is %s now", path, free.name)

@@ -27,7 +27,7 @@ class Bot:
     def act(self, observation):
         assert observation.tick == self.asked, "a tick was missed, or asked twice"
         self.asked += 1
-        with (FOLDER / f"asked-{{os.getpid()}}").open("a") as file:
+        with (FOLDER / f"asked-{{os.getppid()}}").open("a") as file:
             file.write(f"{{observation.tick}}\\n")
         if observation.tick == {stop_at} and not (FOLDER / "go").exists():
             print(f"thinking at {{observation.tick}}", flush=True)

@@ -108,8 +108,9 @@ def test_a_client_that_was_killed_and_came_back_has_a_whole_transcript(serve: St
 
     assert [process.finish() for process in (second, enemy, pit)] == [0, 0, 0]
     (journal,) = map(load_journal, journals(tmp_path).values())
-    (transcript,) = map(load_transcript, transcripts(home).values())
-    check_whole(transcript, journal, Team.BLUE)
+    kept = [load_transcript(path) for path in sorted((home / "transcripts").iterdir())]
+    assert [transcript.is_whole for transcript in kept] == [False, True], "each process keeps its own"
+    check_whole(kept[1], journal, Team.BLUE)
     assert "the journal is of this match" in second.said
     assert "the journal is" not in enemy.said
     assert not (tmp_path / "enemy").exists()

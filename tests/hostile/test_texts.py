@@ -91,14 +91,14 @@ class HostilePit:
     def ticket(self) -> Ticket:
         commitment = sign_statement(self.identity, Commitment(match=MATCH, digest=commit(MATCH, KEYS)))
         return Ticket(
-            match=MATCH, team=int(Team.BLUE), ruleset={"name": TRAP, **to_dict(load("paper"))}, opponent=TRAP, turn_time_s=None,
+            match=MATCH, lane=0, team=int(Team.BLUE), ruleset={"name": TRAP, **to_dict(load("paper"))}, opponent=TRAP, turn_time_s=None,
             bank_s=0.0, tick=0, secret=bytes(32), commitment=encode(commitment),
         )  # fmt: skip
 
     def _end(self) -> None:
         sealer, _ = self._callers[-1].sit(MATCH, Team.BLUE, bytes(32), 64)
         data = sealer.close(encode(sign_statement(self.identity, self._ended())), 0)
-        self._session.publisher(topics.observation("pit", MATCH, Team.BLUE))[0](data)
+        self._session.publisher(topics.observation("pit", 0, Team.BLUE))[0](data)
 
 
 @pytest.fixture

@@ -90,11 +90,13 @@ def run_league(
     from tournaments.running.scheduler import Folders, Scheduler
     from tournaments.running.slots import choose_slots, explain_slots
     from tournaments.store.store import Store
+    from tournaments.venues.table import find_venue
 
     chosen = load_league(league)
     venue, form = _one_of("--venue", venue or chosen.venue, VENUES), _one_of("--format", "json" if as_json else form, FORMATS)
     is_for_machines = _one_of("--progress", progress or ("json" if as_json else "bar"), ("bar", "json")) == "json"
     chosen.check_venue(venue)
+    find_venue(venue)  # what it needs may not be installed
     folders = Folders(data=data_folder(data))
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # end the processes of the league, too
     with Store(db or str(folders.data / "arena.db")) as store:
@@ -151,7 +153,7 @@ def _play_league(scheduler: "Scheduler", venue: str, title: str, slots: int, *, 
     bar = nullcontext() if is_for_machines else progress_bar(n_matches - n_done, title)
     try:
         with stdout_to_stderr(), bar as advance:
-            for outcome in scheduler.run(find_venue(venue), slots, invite):
+            for outcome in scheduler.run(find_venue(venue), invite, slots=slots):
                 if advance is not None:
                     advance(1)
                 else:

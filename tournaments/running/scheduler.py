@@ -15,6 +15,7 @@ from tournaments.league.schedule import plan_league
 from tournaments.league.secret import commit_to, find_secret
 from tournaments.outcome import Outcome
 from tournaments.running.duel import judge, next_batch
+from tournaments.running.slots import MOST
 from tournaments.store.lock import lock_file
 from tournaments.store.store import Store, StoredLeague
 from tournaments.venues.recovery import set_aside
@@ -92,15 +93,17 @@ class Scheduler:
         """Matches that are stored."""
         return len(self._done)
 
-    def run(self, play: Venue, slots: int, on_open: Callable[[Mapping[str, str]], None] | None = None) -> Iterator[Outcome]:
+    def run(
+        self, play: Venue, on_open: Callable[[Mapping[str, str]], None] | None = None, *, slots: int = MOST
+    ) -> Iterator[Outcome]:
         """Play what is left, and yield each match once it is stored.
 
         Parameters
         ----------
-        slots
-            Seats that the process of an entry holds at once.
         on_open
             Told with which command each entry joins that comes by itself, as soon as it can, and again after a break.
+        slots
+            Seats that the process of an entry holds at once.
 
         Raises
         ------

@@ -1,6 +1,7 @@
 """The venue `network`: the real pit, a referee and every entry a process of its own, Zenoh between them."""
 
-from collections import Counter
+import time
+from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -17,6 +18,7 @@ from tournaments.venues.recovery import find_ended
 from tournaments.venues.setting import VenueSetting, ignore_invitations
 
 _PIT = "league"
+_SETTLE_S = 2.0
 
 
 def address_of(setting: VenueSetting) -> Address:
@@ -49,6 +51,8 @@ def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]
     ours = [name for name in names if name not in setting.remote]
     entries = {**setting.remote, **{name: load_or_make(entry_key_path(setting, name)).public for name in ours}}
     address = address_of(setting)
+    settling: deque[tuple[float, Outcome]] = deque()
+    """Matches that are over, and by when what their fighters met as they were ended is known."""
     with ExitStack() as processes:
         referee = processes.enter_context(RefereeProcess(replace(setting, on_open=ignore_invitations), address, entries))
         referee.start(list(left.values()))
@@ -65,12 +69,17 @@ def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]
                 ended = list(find_ended(setting.journals, setting.ruleset, left.values()))
             for outcome in ended:
                 if left.pop(outcome.identity, None) is not None:
-                    yield _with_limits_met(outcome, clients)
+                    is_limited = not setting.sandboxes.keys().isdisjoint((outcome.blue, outcome.red))
+                    settling.append((time.monotonic() + is_limited * _SETTLE_S, outcome))
+            while settling and settling[0][0] <= time.monotonic():
+                yield _with_limits_met(settling.popleft()[1], clients)
             if is_gone and left:
                 referee.start(list(left.values()))
             n_left = Counter(name for plan in left.values() for name in (plan.blue, plan.red))
             for name, client in clients.items():
                 client.keep_alive(n_left[name])
+    for _, outcome in settling:
+        yield _with_limits_met(outcome, clients)
 
 
 def _with_limits_met(outcome: Outcome, clients: Mapping[str, ClientProcess]) -> Outcome:

@@ -201,6 +201,7 @@ class ClientProcess:
         self._restarts = _RestartLimit(f"the client of {name}", self._log)
         self._grace_s = setting.time_control.grace_s
         self._away: _Absence | None = None
+        data_folder(self._home, 0o700)
         self._notes.unlink(missing_ok=True)
         self._n_noted = 0
         self._start()
@@ -208,7 +209,6 @@ class ClientProcess:
     def _start(self) -> None:
         self._away = None
         self._restarts.note_start()
-        data_folder(self._home, 0o700)
         self._alive.unlink(missing_ok=True)
         environment = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ARENA_CONFIG"))}
         environment |= {"HOME": str(self._home), "NUMBA_CACHE_DIR": str(cache_root())}

@@ -162,7 +162,7 @@ def test_time_that_the_pit_spends_elsewhere_is_charged_to_no_seat(tmp_path: Path
         now_s[0] += 1_800.0
         for team, sealer in pit.sealers.items():
             data = Bytes(sealer.close(encode(Orders(tick=0, actions=bytes(N_UNITS))), 0))
-            pit.network.samples.append(SimpleNamespace(key_expr=topics.action("pit", pit.match, team), payload=data))
+            pit.network.samples.append(SimpleNamespace(key_expr=topics.action("pit", pit.lane, team), payload=data))
 
     question: Any = SimpleNamespace(payload=b"", key="", answer=hold_up)
     pit.network.ask[topics.lobby("pit")](question)
