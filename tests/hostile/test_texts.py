@@ -91,8 +91,8 @@ class HostilePit:
     def ticket(self) -> Ticket:
         commitment = sign_statement(self.identity, Commitment(match=MATCH, digest=commit(MATCH, KEYS)))
         return Ticket(
-            match=MATCH, lane=0, team=int(Team.BLUE), ruleset={"name": TRAP, **to_dict(load("paper"))}, opponent=TRAP, turn_time_s=None,
-            bank_s=0.0, tick=0, secret=bytes(32), commitment=encode(commitment),
+            match=MATCH, lane=0, team=int(Team.BLUE), ruleset={"name": TRAP, **to_dict(load("paper"))}, opponent=TRAP,
+            turn_time_s=None, bank_s=0.0, tick=0, secret=bytes(32), commitment=encode(commitment),
         )  # fmt: skip
 
     def _end(self) -> None:
