@@ -109,7 +109,7 @@ def test_a_client_that_was_killed_and_came_back_has_a_whole_transcript(serve: St
     assert [process.finish() for process in (second, enemy, pit)] == [0, 0, 0]
     (journal,) = map(load_journal, journals(tmp_path).values())
     kept = [load_transcript(path) for path in sorted((home / "transcripts").iterdir())]
-    ended = [transcript for transcript in kept if transcript.result is not None]
+    ended = [transcript for transcript in kept if transcript.ending is not None]
     assert (len(kept), len(ended)) == (2, 1), "each process keeps its own, and one saw the end"
     check_whole(ended[0], journal, Team.BLUE)
     assert "the journal is of this match" in second.said
