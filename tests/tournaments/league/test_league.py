@@ -11,6 +11,7 @@ from arena.game.keys import secret_from_seed
 from arena.protocol.identity import to_text
 from arena.protocol.topics import is_chunk
 from arena.records.plan import LeagueMatchId
+from arena.sandbox.limits import BEHIND_A_WALL
 from tournaments.league.edits import find_edit, hash_definition
 from tournaments.league.file import LEAGUES, load_league, parse_league
 from tournaments.league.league import League
@@ -175,7 +176,10 @@ def test_in_a_gauntlet_one_meets_all_the_others() -> None:
         ('pairing = "gauntlet"\nchallenger = "rsh"\nentries = ["rush", "patrol"]', "did you mean 'rush'"),
         ('pairing = "knockout"\nentries = ["rush", "patrol"]', "unknown pairing of league g 'knockout'"),
         ('maps = "old"\nentries = ["rush", "patrol"]', "unknown maps of league g 'old'"),
-        ('[entries]\nrush = "rush"\nmine = "exec:./bot"', 'a program may remember it; write maps = "fresh"'),
+        (
+            'sandbox = "none"\n[entries]\nrush = "rush"\nmine = "exec:./bot"',
+            'a program without a wall may remember it; write maps = "fresh"',
+        ),
     ],
 )
 def test_a_pairing_or_maps_that_cannot_be_is_said_in_one_sentence(text: str, says: str) -> None:
@@ -282,3 +286,41 @@ def test_an_edit_of_maps_or_challenger_is_named() -> None:
     assert find_edit(facts[0], facts[1]) == "maps was edited (was paired, is fresh)"
     assert find_edit(facts[0], facts[2]) == "challenger was edited (was None, is rush)"
     assert find_edit(facts[0], facts[0]) is None
+
+
+STRANGERS = 'entries = ["rush", "mine.py"]\n'
+
+
+@pytest.mark.parametrize("venue", ["local", "ray"])
+def test_a_file_that_nobody_trusts_is_refused_where_nothing_stands_between_it_and_the_board(venue: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").touch()
+
+    with pytest.raises(
+        InputError, match=rf'plays mine in venue = "{venue}", .* write trusted = \["mine"\], else venue = "network"'
+    ):
+        parse(f'venue = "{venue}"\n{STRANGERS}', tmp_path)
+
+    assert parse(f'venue = "{venue}"\ntrusted = ["mine"]\n{STRANGERS}', tmp_path).trusted == {"mine"}
+
+
+@pytest.mark.parametrize(
+    ("text", "walled"),
+    [
+        ("", {"mine", "other"}),
+        ('trusted = ["mine"]', {"other"}),
+        ('maps = "fresh"\nsandbox = "none"', set()),
+        ("slots = 3", {"mine", "other"}),
+    ],
+)
+def test_walls_stand_round_files_and_programs_unless_the_league_says_otherwise(
+    text: str, walled: set[str], tmp_path: Path
+) -> None:
+    (tmp_path / "mine.py").touch()
+    entries = '[entries]\nrush = "rush"\nmine = "mine.py"\nother = "exec:other"\n[limits]\nfiles = 9'
+
+    sandboxes = parse(f"{text}\n{entries}", tmp_path).sandboxes
+
+    assert set(sandboxes) == {"mine", "other"}
+    assert {name for name, sandbox in sandboxes.items() if sandbox.has_wall} == walled
+    assert {sandbox.limits.files for sandbox in sandboxes.values()} == {9}
+    assert {sandbox.limits.memory_mb for sandbox in sandboxes.values() if sandbox.has_wall} <= {BEHIND_A_WALL.memory_mb}
