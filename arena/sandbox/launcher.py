@@ -44,7 +44,7 @@ def _follow(parent: int) -> None:
 
 
 def _forget_keys() -> None:
-    """Leave the keyring of whoever started us, which no namespace hides: it may hold keys, and bots could leave each other word."""
+    """Leave the keyring of whoever started us, which no namespace hides: it may hold keys, or word for another bot."""
     number = _KEYCTL.get(os.uname().machine)
     if sys.platform == "linux" and number is not None:  # where it is refused, a bot is refused it, too
         ctypes.CDLL(None).syscall(number, _JOIN_SESSION_KEYRING, None)

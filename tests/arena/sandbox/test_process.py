@@ -295,6 +295,24 @@ def test_a_group_whose_maker_was_killed_is_removed_by_the_next() -> None:
     assert not any(folder.exists() for folder in stale)
 
 
+def test_a_group_left_by_a_maker_of_our_number_is_in_nobodys_way() -> None:
+    group = ControlGroup.make(NO_LIMITS)
+    if group is None:
+        pytest.skip("this user can make no control group here")
+    prefix, _, number = next(iter(group.folders.values())).name.rpartition("-")
+    stale = {folder.with_name(f"{prefix}-{int(number) + 1}") for folder in group.folders.values()}
+    for folder in stale:
+        folder.mkdir()
+    group.remove()
+
+    another = ControlGroup.make(NO_LIMITS)
+
+    for folder in stale:
+        folder.rmdir()
+    assert another is not None
+    another.remove()
+
+
 AS_NOBODY = """
 import json, os, sys
 from arena.sandbox.bubblewrap import why_no_limits, why_no_wall
