@@ -10,7 +10,7 @@ from threading import Event
 import numpy as np
 import pytest
 
-from arena.errors import PolicyError
+from arena.errors import InputError, PolicyError
 from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load
@@ -308,6 +308,12 @@ def test_a_bot_that_cannot_start_is_told_of_in_a_sentence(source: str, says: str
         start(source, **walls(), patience_s=2.0)
 
     assert says in str(refused.value)
+
+
+@pytest.mark.parametrize("folder", ["/", "/../", str(Path.home()), "/proc", str(Path.home().parent)])
+def test_no_command_line_opens_the_wall_by_naming_a_folder(folder: str, start: Start) -> None:
+    with pytest.raises(InputError, match="behind its wall it would see all that is in there"):
+        start(f"exec:/bin/sh -c true {folder}", **walls())
 
 
 def test_a_bot_that_never_answers_is_ended_where_it_is_waited_for(start: Start, board: BatchedGame) -> None:
