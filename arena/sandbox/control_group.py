@@ -41,7 +41,9 @@ class ControlGroup:
         parents = _parents_v2(root) if is_v2 else _parents_v1(root)
         if parents is None:
             return None
-        name = f"{_PREFIX}{os.getpid()}-{next(_numbers)}"
+        # A maker that was killed may have had our number, as in a container, where it is always the same.
+        names = (f"{_PREFIX}{os.getpid()}-{number}" for number in _numbers)
+        name = next(name for name in names if not any((parent / name).exists() for parent in parents.values()))
         group = cls({controller: parent / name for controller, parent in parents.items()})
         try:
             for folder in group._distinct:
@@ -92,8 +94,9 @@ class ControlGroup:
 
     def kill(self) -> None:
         """Kill all that is in it, whatever became of its parents."""
-        (self.folders["pids"] / "pids.max").write_text("0")  # so that none is started meanwhile
-        _kill_all(self.folders["pids"])
+        with suppress(OSError):  # it is gone, and all that was in it
+            (self.folders["pids"] / "pids.max").write_text("0")  # so that none is started meanwhile
+            _kill_all(self.folders["pids"])
 
     def remove(self) -> None:
         """Remove the group; what still runs in it keeps it for `_remove_stale`."""

@@ -15,12 +15,14 @@ from threading import Condition
 
 import numpy as np
 from numpy.typing import NDArray
+from platformdirs import user_data_path
 
-from arena.errors import PolicyError
+from arena.errors import InputError, PolicyError
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, to_dict
 from arena.game.types import Action, Team
 from arena.jit import cache_root
+from arena.keyring.ring import config_folder
 from arena.policy import BatchPolicy, Faults, MatchResult, Orders, Thinking
 from arena.protocol.observation_codec import ObservationWriter
 from arena.sandbox.limits import NO_LIMITS, Limits
@@ -40,7 +42,8 @@ class WorkerFactory:
     Parameters
     ----------
     spec
-        What fights, as `policies.registry.load` takes it.
+        What fights, as `policies.registry.load` takes it. The files that a program's command line names by their full path, or
+        as they lie here, it finds behind its wall.
     has_wall
         Whether it is a stranger.
     n_spare
@@ -68,7 +71,9 @@ class WorkerFactory:
         patience_s: float | None = None,
     ) -> None:
         self.spec, self.wake, self.on_limit = spec, wake, on_limit
-        self._command, files = _resolve(spec)
+        self._command, files = resolve(spec)
+        if has_wall:
+            _check_readable(spec, files)
         self._sandbox = Sandbox(has_wall=has_wall, limits=limits, readable=(*files, cache_root()))
         self._n_spare, self._patience_s = n_spare, patience_s
         self._log = OutputLog(limits)
@@ -163,7 +168,7 @@ class WorkerFactory:
             self.wake()
 
 
-def _resolve(spec: str) -> tuple[str, list[Path]]:
+def resolve(spec: str) -> tuple[str, list[Path]]:
     """Return a fighter such that it is found from any folder, and the files that it names."""
     if not spec.startswith(PROGRAM):
         path = Path(spec).absolute()
@@ -179,6 +184,16 @@ def _resolve(spec: str) -> tuple[str, list[Path]]:
             words[number] = str(path)
             files.append(path)
     return PROGRAM + shlex.join(words), files
+
+
+def _check_readable(spec: str, files: Iterable[Path]) -> None:
+    """Refuse to show a stranger a folder that a wall is there to hide."""
+    hidden = [Path.home(), user_data_path("arena"), config_folder(), Path("/proc"), Path("/sys"), Path("/dev")]
+    for path in files:
+        if any(folder.resolve().is_relative_to(path.resolve()) for folder in hidden):
+            raise InputError(
+                f"{spec} names {path}, and behind its wall it would see all that is in there; name a folder of its own"
+            )
 
 
 @dataclass(slots=True)

@@ -1,6 +1,7 @@
 """The owner's side of one fighter's process: it is started, told things and asked things, and never waited for.
 
-A thread hears what it says. What it prints is passed on up to a bound; then it is read no more, and printing blocks.
+A thread hears what it says, and tells it what it did not read at once: whoever asks it never waits for its pipe. What it prints
+is passed on up to a bound; then it is read no more, and printing blocks.
 """
 
 import logging
@@ -10,6 +11,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from threading import Lock, Thread
 from typing import Any
@@ -24,8 +26,8 @@ from policies.workers.frames import FrameBuffer, pack
 logger = logging.getLogger(__name__)
 _CHUNK = 1 << 16
 _MOST_LETTERS = 4_000
-_MOST_ANSWERS = 2
-"""To a start, and to an observation: a seat is asked for no more at once."""
+_MOST_UNREAD_BYTES = 4 << 20
+"""Of what it is told, beside what its pipe holds: the observations of many seats at once, and no more."""
 _GOODBYE_S = 1.0
 """How long a process whose last match is over may take to end."""
 _EXIT_S = 0.5
@@ -51,8 +53,9 @@ class OutputLog:
             before = self._n_left
             self._n_left -= len(data)
         if before > 0:
-            sys.stderr.write("\n".join(map(clean, data[:before].decode("utf-8", "replace").split("\n"))))
-            sys.stderr.flush()
+            with suppress(OSError, ValueError):  # our own stderr may be closed, or its disk full
+                sys.stderr.write("\n".join(map(clean, data[:before].decode("utf-8", "replace").split("\n"))))
+                sys.stderr.flush()
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +92,14 @@ class Worker:
         self._process = SandboxedProcess([sys.executable, "-P", "-m", "policies.workers.child", spec], sandbox, environment)
         self._stdin, self._stdout, self._stderr = self._process.pipes
         self._limits, self._log, self._on_change, self._on_limit = sandbox.limits, log, on_change, on_limit
+        os.set_blocking(self._stdin.fileno(), False)
+        self._lock = Lock()
+        self._unread = bytearray()
+        """What its pipe could not take yet."""
+        self._has_pipes = True
+        """Whether our ends of the pipes are open: their numbers may be other files' afterwards."""
+        self._n_owed = 0
+        """Answers that it was asked for."""
         self._answers: dict[int, deque[Answer]] = {}
         self._n_printed = 0
         self._end_by_s: float | None = None
@@ -103,11 +114,11 @@ class Worker:
     def start(self, seat: int, rules: dict[str, Any], team: int) -> None:
         """Begin a match under a number that is new."""
         self._answers[seat] = deque()
-        self._send(["start", seat, rules, team])
+        self._send(["start", seat, rules, team], n_answers=1)
 
     def ask(self, seat: int, observation: bytes) -> None:
         """Show a seat an observation."""
-        self._send(["act", seat, observation])
+        self._send(["act", seat, observation], n_answers=1)
 
     def finish(self, seat: int, result: dict[str, Any]) -> None:
         """End a match."""
@@ -123,20 +134,31 @@ class Worker:
         answers = self._answers.get(seat)
         return answers.popleft() if answers else None
 
-    def _send(self, message: list[Any]) -> None:
+    def _send(self, message: list[Any], n_answers: int = 0) -> None:
         """Tell it something; nothing comes of that if it has ended."""
+        with self._lock:
+            self._n_owed += n_answers
+            self._unread += pack(message)
+            self._flush()
+            if not self._unread:
+                return
+            if len(self._unread) > _MOST_UNREAD_BYTES and self.failure is None:
+                self.failure = "its process does not read what it is told"
+                self._end_by_s = 0.0
+        self._wake()
+
+    def _flush(self) -> None:
+        """Write what its pipe takes; under the lock."""
         try:
-            self._stdin.write(pack(message))
+            n_written = self._stdin.write(self._unread) if self._has_pipes else len(self._unread)
         except (OSError, ValueError):
             logger.info("a fighter's process has ended, and is told nothing")
+            n_written = len(self._unread)
+        del self._unread[: n_written or 0]
 
     def dismiss(self) -> None:
         """Let it end by itself for a moment, and end it then; returns at once."""
         self._end_by_s = time.monotonic() + _GOODBYE_S
-        try:
-            self._stdin.close()
-        except OSError:
-            logger.info("a fighter's process has ended before it was told to")
         self._wake()
 
     def kill(self, why: str = "it was told to end") -> None:
@@ -147,52 +169,78 @@ class Worker:
         self._listener.join()
 
     def _wake(self) -> None:
-        """Have the listener look at the clock."""
-        try:
-            os.write(self._wake_write, b"!")
-        except OSError:
-            return  # it has ended
+        """Have the listener look at the clock, and at what it has to tell."""
+        with self._lock:
+            if self._has_pipes:
+                os.write(self._wake_write, b"!")
 
     def _listen(self) -> None:
-        frames = FrameBuffer()
         is_dismissed = False
         try:
-            with selectors.DefaultSelector() as selector:
-                for stream in (self._stdout, self._stderr, self._wake_read):
-                    selector.register(stream, selectors.EVENT_READ)
-                while True:
-                    wait_s = None if self._end_by_s is None else max(self._end_by_s - time.monotonic(), 0.0)
-                    ready = [key.fileobj for key, _ in selector.select(wait_s)]
-                    is_dismissed = self._end_by_s is not None
-                    if self._end_by_s is not None and time.monotonic() >= self._end_by_s:
-                        break
-                    if self._wake_read in ready:
-                        os.read(self._wake_read, _CHUNK)
-                    if self._stderr in ready:
-                        self._hear_stderr(selector)
-                    if self._stdout in ready:
-                        data = os.read(self._stdout.fileno(), _CHUNK)
-                        if not data:
-                            break
-                        for message in frames.feed(data):
-                            self._hear(message)
-                        self._on_change()
+            is_dismissed = self._hear_all()
         except UnreadableError as error:
             self.failure = f"its process wrote what is no answer: {error}"
-        self._finish(is_dismissed=is_dismissed)
+        finally:
+            self._finish(is_dismissed=is_dismissed)
+
+    def _hear_all(self) -> bool:
+        """Hear it until it ends or is to be ended; return whether it was dismissed."""
+        frames = FrameBuffer()
+        with selectors.DefaultSelector() as selector:
+            for stream in (self._stdout, self._stderr, self._wake_read):
+                selector.register(stream, selectors.EVENT_READ)
+            while True:
+                wait_s = None if self._end_by_s is None else max(self._end_by_s - time.monotonic(), 0.0)
+                ready = [key.fileobj for key, _ in selector.select(wait_s)]
+                is_dismissed = self._end_by_s is not None
+                if self._end_by_s is not None and time.monotonic() >= self._end_by_s:
+                    return is_dismissed
+                if self._wake_read in ready:
+                    os.read(self._wake_read, _CHUNK)
+                self._tell(selector, is_dismissed=is_dismissed)
+                if self._stderr in ready:
+                    self._hear_stderr(selector)
+                if self._stdout in ready:
+                    data = os.read(self._stdout.fileno(), _CHUNK)
+                    if not data:
+                        return is_dismissed
+                    messages = frames.feed(data)
+                    for message in messages:
+                        self._hear(message)
+                    if messages:
+                        self._on_change()
+                    if self.failure is not None:
+                        return is_dismissed
+
+    def _tell(self, selector: selectors.BaseSelector, *, is_dismissed: bool) -> None:
+        """Write what it did not read at once, as far as its pipe takes it; say goodbye by closing the pipe."""
+        with self._lock:
+            if self._stdin.closed:
+                return
+            self._flush()
+            is_registered = self._stdin in selector.get_map()
+            if is_registered and not self._unread:
+                selector.unregister(self._stdin)
+            elif self._unread and not is_registered:
+                selector.register(self._stdin, selectors.EVENT_WRITE)
+            if is_dismissed and not self._unread:
+                self._stdin.close()
 
     def _hear(self, message: list[Any]) -> None:
         """Take a message apart, in which a stranger may have written anything."""
         match message:
-            case ["loaded"]:
+            case ["loaded"] if not self.is_loaded:
                 self.is_loaded = True
             case ["failed", str(why)]:
                 self.failure = why[:_MOST_LETTERS]
             case [int(seat), bytes(orders), int(raised), int(illegal), str() | None as traceback]:
-                if seat in self._answers and raised >= 0 and illegal >= 0:  # else of a match that is over
-                    if len(self._answers[seat]) >= _MOST_ANSWERS:
+                with self._lock:
+                    self._n_owed -= 1
+                    if self._n_owed < 0:
                         raise UnreadableError("more answers than questions")
-                    self._answers[seat].append(Answer(orders, _faults(raised, illegal, traceback)))
+                    answers = self._answers.get(seat)
+                if answers is not None and raised >= 0 and illegal >= 0:  # else of a match that is over
+                    answers.append(Answer(orders, _faults(raised, illegal, traceback)))
             case _:
                 raise UnreadableError("no message that it may write")
 
@@ -208,14 +256,18 @@ class Worker:
             self._note("output_kb")
 
     def _finish(self, *, is_dismissed: bool) -> None:
+        with self._lock:
+            self._stdin.close()
         code = self._process.end(0.0 if is_dismissed or self.failure else _EXIT_S)
         met = self._process.limits_met(code, has_ended_itself=not is_dismissed and self.failure is None)
         for name in met:
             self._note(name)
         if self.failure is None:
             self.failure = self._how(code, met)
-        os.close(self._wake_read)
-        os.close(self._wake_write)
+        with self._lock:
+            self._has_pipes = False
+            os.close(self._wake_read)
+            os.close(self._wake_write)
         self._on_change()
 
     def _how(self, code: int, met: list[str]) -> str:

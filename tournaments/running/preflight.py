@@ -126,4 +126,4 @@ class _Trial:
 
     def _raise_if_it_failed(self, traceback: str | None) -> None:
         if traceback is not None:
-            raise PolicyError(traceback.strip().splitlines()[-1])
+            raise PolicyError((traceback.strip().splitlines() or ["it failed, and says nothing of it"])[-1])

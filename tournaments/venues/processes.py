@@ -33,6 +33,7 @@ from arena.pit.seating import PlannedSeating
 from arena.records.plan import MatchPlan
 from arena.sandbox.limits import NO_LIMITS
 from arena.sandbox.process import Sandbox, SandboxedProcess
+from policies.workers.policy import resolve
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.venues.setting import VenueSetting
 
@@ -179,13 +180,13 @@ class ClientProcess:
             "join",
             str(address),
             "--key",
-            str(entry_key_path(setting, name).absolute()),  # it starts at home
+            str(entry_key_path(setting, name).absolute()),
             "--no-transcripts",
             "--no-audit",
             "--name",
             name,
             "--policy",
-            setting.entries[name],
+            resolve(setting.entries[name])[0],  # it starts at home
             "--forever",
             "--slots",
             str(setting.slots),

@@ -19,6 +19,7 @@ from arena.sandbox.process import Sandbox, SandboxedProcess
 
 WAIT_S = 60.0
 SECRET = "the flag is at 7, 12"
+SEARCHES = 'print(libc.syscall(keyctl, search, session, b"user", b"arena-test", 0))'
 WALL = Sandbox(has_wall=True, limits=BEHIND_A_WALL)
 
 
@@ -121,6 +122,29 @@ for address in (("127.0.0.1", 7447), ("10.0.0.1", 80)):
 print(ctypes.CDLL(None, use_errno=True).unshare(0x10000000))
 """
     assert run(code, WALL)[:2] == (0, "[(1, 'lo')]\n-1\n")
+
+
+def test_the_keys_of_whoever_started_it_are_not_its_own() -> None:
+    add_key, keyctl = {"x86_64": (248, 250), "aarch64": (217, 219)}.get(os.uname().machine, (0, 0))
+    code = f"""
+import ctypes, os, sys
+libc = ctypes.CDLL(None)
+add_key, keyctl, join, search, session = {add_key}, {keyctl}, 1, 10, -3
+"""
+    owner = f"""{code}
+from arena.sandbox.limits import BEHIND_A_WALL
+from arena.sandbox.process import Sandbox, SandboxedProcess
+if not keyctl or libc.syscall(keyctl, join, None) < 0 or libc.syscall(add_key, b"user", b"arena-test", b"1", 1, session) < 0:
+    sys.exit("no keys")
+sandboxed = SandboxedProcess([sys.executable, "-c", {code + SEARCHES!r}], Sandbox(has_wall=True, limits=BEHIND_A_WALL), {{}})
+print(sandboxed.pipes[1].read().decode())
+sandboxed.end()
+"""
+    ran = subprocess.run([sys.executable, "-c", owner], capture_output=True, text=True, timeout=WAIT_S, check=False)
+    if ran.stderr == "no keys\n":
+        pytest.skip("this kernel keeps no keys for us")
+
+    assert ran.stdout.strip() == "-1"
 
 
 def test_it_gets_no_more_memory_than_it_may_have(any_way: str) -> None:
@@ -270,6 +294,24 @@ def test_a_group_whose_maker_was_killed_is_removed_by_the_next() -> None:
     assert another is not None
     another.remove()
     assert not any(folder.exists() for folder in stale)
+
+
+def test_a_group_left_by_a_maker_of_our_number_is_in_nobodys_way() -> None:
+    group = ControlGroup.make(NO_LIMITS)
+    if group is None:
+        pytest.skip("this user can make no control group here")
+    prefix, _, number = next(iter(group.folders.values())).name.rpartition("-")
+    stale = {folder.with_name(f"{prefix}-{int(number) + 1}") for folder in group.folders.values()}
+    for folder in stale:
+        folder.mkdir()
+    group.remove()
+
+    another = ControlGroup.make(NO_LIMITS)
+
+    for folder in stale:
+        folder.rmdir()
+    assert another is not None
+    another.remove()
 
 
 AS_NOBODY = """

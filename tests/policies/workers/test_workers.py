@@ -1,5 +1,6 @@
 """Fighters in processes of their own: what they answer, what becomes of their processes, and that nobody waits for them."""
 
+import io
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -9,7 +10,7 @@ from threading import Event
 import numpy as np
 import pytest
 
-from arena.errors import PolicyError
+from arena.errors import InputError, PolicyError
 from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load
@@ -87,6 +88,30 @@ def act(seen):
                 os.write(descriptor, b"".join(pack([seat, bytes(6), 0, 0, None]) for seat in range(100)))
         except OSError:
             continue
+"""
+ANSWERS_FOR_NO_SEAT = ANSWERS_WITHOUT_END.replace("range(100)", "range(10**6, 10**6 + 100)")
+FILLS_ITS_OWN_PIPE = """
+import fcntl, os, time
+from policies.workers.frames import pack
+class Bot:
+    def start(self, info):
+        for number in map(int, os.listdir("/proc/self/fd")):
+            try:
+                is_pipe = os.readlink(f"/proc/self/fd/{number}").startswith("pipe:")
+                is_read = is_pipe and fcntl.fcntl(number, fcntl.F_GETFL) & os.O_ACCMODE == os.O_RDONLY
+                pipe = os.open(f"/proc/self/fd/{number}", os.O_WRONLY | os.O_NONBLOCK) if is_read else -1
+                while os.write(pipe, bytes(1)):
+                    continue
+            except OSError:
+                continue
+        for number in range(3, 20):
+            try:
+                os.write(number, pack([1, b"", 0, 0, None]))
+            except OSError:
+                continue
+        time.sleep(1000)
+    def act(self, seen):
+        return [0] * 6
 """
 SAYS_WHAT_IT_SEES = "def act(seen):\n    return [len(seen.units) == 6, seen.tick == 0, seen.team == 0, 3, 4, 0]\n"
 
@@ -178,6 +203,53 @@ def test_who_answers_without_being_asked_is_ended_before_its_answers_fill_the_me
     assert "more answers than questions" in (policy.take_faults(0).first_traceback or "")
 
 
+def test_neither_does_who_answers_for_seats_that_are_not_its_own_keep_anybody_busy(start: Start, board: BatchedGame) -> None:
+    policy = start(ANSWERS_FOR_NO_SEAT, **walls())
+    policy._factory._patience_s = 20.0
+
+    assert act(policy, board) == UNREADABLE
+    assert "more answers than questions" in (policy.take_faults(0).first_traceback or "")
+
+
+def test_nobody_waits_for_a_bot_that_does_not_read_what_it_is_told(start: Start, board: BatchedGame) -> None:
+    policy = start(FILLS_ITS_OWN_PIPE, **walls())
+    policy._factory.wake = lambda: None
+
+    with pytest.raises(Thinking):
+        act(policy, board)
+
+
+def test_a_process_that_has_ended_is_told_nothing_through_another_file(start: Start, board: BatchedGame, tmp_path: Path) -> None:
+    policy = start("import os\ndef act(seen):\n    os._exit(3)\n")
+    row = policy._rows[0]
+    assert row is not None
+    act(policy, board)
+    row.worker._listener.join(WAIT_S)
+    files = [(tmp_path / str(number)).open("wb") for number in range(20)]  # they take the numbers of its pipes
+
+    policy.end(0, OVER)
+    row.worker.kill()
+
+    for file in files:
+        file.close()
+    assert [(tmp_path / str(number)).read_bytes() for number in range(20)] == [b""] * 20
+
+
+def test_a_bot_that_prints_where_nothing_can_be_written_plays_on(
+    start: Start, board: BatchedGame, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy = start("def act(seen):\n    print('x')\n    return [2] * 6\n")
+    policy._factory._patience_s = 20.0
+    full = os.fdopen(os.open("/dev/full", os.O_WRONLY), "wb", buffering=0)
+    with io.TextIOWrapper(full, write_through=True) as stderr:
+        monkeypatch.setattr("sys.stderr", stderr)
+        answers = [act(policy, board) for _ in range(2)]
+        policy._factory.close()
+        monkeypatch.undo()
+
+    assert answers == [[2] * 6] * 2
+
+
 @pytest.mark.parametrize("answer", ["[0] * 5", "[9] * 6", "'north'", "None"])
 def test_what_is_no_order_is_unreadable(answer: str, start: Start, board: BatchedGame) -> None:
     policy = start(f"def act(seen):\n    return {answer}\n")
@@ -236,6 +308,12 @@ def test_a_bot_that_cannot_start_is_told_of_in_a_sentence(source: str, says: str
         start(source, **walls(), patience_s=2.0)
 
     assert says in str(refused.value)
+
+
+@pytest.mark.parametrize("folder", ["/", "/../", str(Path.home()), "/proc", str(Path.home().parent)])
+def test_no_command_line_opens_the_wall_by_naming_a_folder(folder: str, start: Start) -> None:
+    with pytest.raises(InputError, match="behind its wall it would see all that is in there"):
+        start(f"exec:/bin/sh -c true {folder}", **walls())
 
 
 def test_a_bot_that_never_answers_is_ended_where_it_is_waited_for(start: Start, board: BatchedGame) -> None:

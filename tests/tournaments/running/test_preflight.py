@@ -71,6 +71,27 @@ def test_a_fighter_is_tried_in_another_process_and_may_answer_nonsense(tmp_path:
     assert int(here.read_text()) != os.getpid()
 
 
+FAILS_IN_SILENCE = """
+import os, time
+from policies.workers.frames import pack
+class Bot:
+    def start(self, info):
+        for number in range(3, 20):
+            try:
+                os.write(number, pack([1, b"", 1, 0, ""]))
+            except OSError:
+                continue
+        time.sleep(1000)
+    def act(self, seen):
+        return []
+"""
+
+
+def test_who_fails_without_a_word_is_named_too(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="silent cannot start: it failed, and says nothing of it"):
+        check_entries(write(tmp_path, silent=FAILS_IN_SILENCE), PAPER, {})
+
+
 def test_it_is_told_how_long_who_thinks(tmp_path: Path) -> None:
     slow = "import time\ndef act(observation):\n    time.sleep(0.2)\n    return [0] * len(observation.units)\n"
 

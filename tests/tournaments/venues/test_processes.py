@@ -315,3 +315,16 @@ def test_a_client_that_is_stopped_is_replaced_and_the_league_ends(
 
     assert len(played) == 4
     assert "the client of one gave no sign of life for 3 s; it is started anew" in caplog.messages
+
+
+def test_a_program_is_found_where_the_league_was_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(
+        "#!/usr/bin/env python3\nwhile True:\n    if 'observation' in input():\n        print([0] * 6, flush=True)\n"
+    )
+    program.chmod(0o755)
+    monkeypatch.chdir(tmp_path)
+
+    outcomes = list(play_network(make_setting(tmp_path, one="exec:./program.py", two="rush"), plan("one", "two")[:1]))
+
+    assert [outcome.seats[Team.BLUE].faults for outcome in outcomes] == [{}]
