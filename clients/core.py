@@ -141,6 +141,8 @@ class ClientCore:
             slot.last_match = slot.session.seat.ticket.match
         if slot.is_open:
             self._effects.append(events.CloseSeat(slot.number))
+        if slot.session is not None:
+            slot.session.seat.abandon()
         slot.session, slot.is_open = None, False
 
     def _finish(self, slot: Slot) -> None:

@@ -12,8 +12,8 @@ from arena.errors import KeyFileError, LostPitError, RefusedError, RulesetError
 from arena.game.keys import MatchKeys
 from arena.game.observation import Observations
 from arena.game.ruleset import load, to_dict
-from arena.game.types import Team
-from arena.policy import BatchPolicy, Thinking
+from arena.game.types import Team, Termination
+from arena.policy import BatchPolicy, MatchResult, Thinking
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import new_secret, open_request, sign_challenge
@@ -590,6 +590,19 @@ def test_a_match_that_is_gone_is_none_of_those_that_were_wanted() -> None:
     both.answer(ticket(NEXT))
     both.deliver(sign_statement(PIT, replace(ENDED, match=NEXT)))
     assert (both.core.is_done, both.core.n_ended) == (True, 1)
+
+
+def test_a_match_that_is_gone_ends_for_its_policy(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended: list[MatchResult] = []
+    monkeypatch.setattr(Counter, "end", lambda _, seat, result: ended.append(result))
+    both = seated()
+    both.turn(0)
+    both.feed(events.TimePassed())
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
+
+    both.answer(Wait(reason="for another match, since that one is over"))
+
+    assert [(result.ending, result.ticks) for result in ended] == [(Termination.VOID, 1)]
 
 
 def test_another_match_than_the_one_that_was_asked_for_makes_another_seat() -> None:
