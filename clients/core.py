@@ -62,6 +62,7 @@ class ClientCore:
         """Running downloads by their query."""
         self._effects: list[events.Effect] = []
         self._n_queries = self._n_begun = 0
+        """Questions so far; matches so far, without those that were gone before they ended."""
         self.n_ended = 0
         """Matches that were played to their end."""
         self._connected_at_s: float | None = None
@@ -140,6 +141,8 @@ class ClientCore:
             slot.last_match = slot.session.seat.ticket.match
         if slot.is_open:
             self._effects.append(events.CloseSeat(slot.number))
+        if slot.session is not None:
+            slot.session.seat.abandon()
         slot.session, slot.is_open = None, False
 
     def _finish(self, slot: Slot) -> None:
@@ -167,8 +170,9 @@ class ClientCore:
     def _ask(self, slot: Slot, now_s: float) -> None:
         """Ask for a seat, or, with one, whether its match still runs; unless that was asked already."""
         n_matches = self._settings.n_matches
-        if slot.session is None and n_matches is not None and self._n_begun >= n_matches:
-            self._finish(slot)
+        n_others = sum(other.session is None and not other.is_done for other in self._slots if other is not slot)
+        if slot.session is None and n_matches is not None and self._n_begun + n_others >= n_matches:
+            self._finish(slot)  # what is left to play is the other slots', which ask already
         elif slot.question is None:
             limit_s = ANSWER_S if slot.session is None else PROBE_S
             query = self._query(topics.join(self._settings.pit), encode(ChallengeRequest()), limit_s)
@@ -244,6 +248,7 @@ class ClientCore:
             case Wait():
                 if slot.session is not None:
                     logger.warning("match %s is gone", slot.session.seat.ticket.match)
+                    self._n_begun -= 1
                     self._free(slot)
                 self._effects.append(events.Waiting(message.reason))
         if slot.session is None and not slot.is_done:
@@ -265,12 +270,12 @@ class ClientCore:
         commitment = read_commitment(ticket, attempt.pit_key).digest
         seat = slot.session.seat if slot.session is not None and slot.session.seat.ticket.match == ticket.match else None
         if seat is None:
+            self._n_begun += slot.session is None  # the match that it had is gone
             self._free(slot)
             try:
                 seat = self._make_seat(ticket, commitment, attempt.pit_key)
             except UnreadableError as error:
                 raise RefusedError(f"the pit cannot be understood: {error}") from error
-            self._n_begun += 1
             self._effects.append(events.MatchBegun(seat))
         elif seat.commitment != commitment:
             raise RefusedError(f"the pit commits itself to match {ticket.match} anew: it is not the match that it was")

@@ -17,7 +17,7 @@ import numpy as np
 from arena.errors import UnreadableError
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, from_dict
-from arena.game.types import Team
+from arena.game.types import Team, Termination
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult, Thinking
 from arena.protocol.messages import UNKNOWN_US, Ended, History, Message, Orders, Ready, Ticket, Turn
 from arena.protocol.observation_codec import ObservationReader
@@ -169,6 +169,15 @@ class Seat:
                     if not self._waiting:  # else the referee has asked already
                         said.append(self._ready())
         return said
+
+    def abandon(self) -> None:
+        """End a match that is gone for the policy, which may hold a process for it; how it ended is not known."""
+        if self.ended is None:
+            self._waiting.clear()
+            self._policy.end(
+                0,
+                MatchResult(ending=Termination.VOID, winner=None, score=0, ticks=self.known_ticks, reason="the match is gone"),
+            )
 
     def result(self) -> MatchResult:
         """Return how the match ended, from this side."""

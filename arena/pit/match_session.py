@@ -1,6 +1,6 @@
 """One match with its seats' keys: sealed messages and the time go in, effects come out."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -65,7 +65,7 @@ class SeatSession:
     sent: tuple[int, bytes] = _NOTHING_SENT
     """The last turn as it was sealed: a resend under one key repeats it."""
     former: tuple[Opener, ...] = ()
-    """Those of the last tickets before; what they open is not forged, and counts for nothing."""
+    """Those of the last tickets before, at first of the lane's former match; what they open is not forged, and does not count."""
     accepted: bytes = b""
     """The last message that opened; a copy of it counts for nothing."""
     has_had_history: bool = False
@@ -74,17 +74,33 @@ class SeatSession:
     """Messages that were forged or came again since `advance` was called last."""
     receipt: Receipt | None = None
 
+    @property
+    def openers(self) -> tuple[Opener, ...]:
+        """The present one, and the last before it."""
+        return (*(() if self.opener is None else (self.opener,)), *self.former)[:_MOST_FORMER]
+
 
 class MatchSession:
     """A match of a pit, from its drawn board to its signed journal."""
 
-    def __init__(self, context: PitContext, match: Match, entries: dict[Team, bytes], nonce: bytes, lane: int) -> None:
+    def __init__(
+        self,
+        context: PitContext,
+        match: Match,
+        entries: dict[Team, bytes],
+        nonce: bytes,
+        lane: int,
+        former: Mapping[Team, tuple[Opener, ...]],
+    ) -> None:
         self.match, self._context, self.lane = match, context, lane
         self.id = network_name(match.header.identity, context.identity.public, nonce)
         self.ending: Signed | None = None
         """How the match ended, as both seats and everyone else get it."""
         self.names = [match.header.blue, match.header.red]
-        self.seats = {team: SeatSession(name, entries[team]) for team, name in zip(Team, self.names, strict=True)}
+        self.seats = {
+            team: SeatSession(name, entries[team], former=former.get(team, ()))
+            for team, name in zip(Team, self.names, strict=True)
+        }
         commitment = sign_statement(context.identity, Commitment(match=self.id, digest=commit(self.id, match.header.keys)))
         self._commitment = encode(commitment)
         self._seats_record = write_seats(context.identity.public, entries, commitment.signature, nonce)
@@ -95,6 +111,11 @@ class MatchSession:
             salt = new_secret()
             make_truth = partial(self._make_truth, salt, truth_sealer(context.spectator_key, salt, context.pit, self.id))
         self._publish_tick = PublishTick(self.id, self._make_public, make_truth)
+
+    @property
+    def openers(self) -> dict[Team, tuple[Opener, ...]]:
+        """What opens messages of those who hold the seats, or held them last."""
+        return {team: seat.openers for team, seat in self.seats.items()}
 
     @property
     def entries(self) -> dict[Team, bytes]:
@@ -120,8 +141,7 @@ class MatchSession:
         """Give a seat to a caller, under new keys; those of the process that had it before hold no more."""
         time_control, seat, secret = self.match.time_control, self.seats[team], new_secret()
         n_bytes = self.match.n_shown_bytes(team) + _TURN_EXTRA_BYTES
-        if seat.opener is not None:
-            seat.former = (seat.opener, *seat.former)[:_MOST_FORMER]
+        seat.former = seat.openers
         seat.sealer, seat.opener = caller.sit(self.id, team, secret, n_bytes)
         seat.sent, seat.has_had_history = _NOTHING_SENT, False
         return Ticket(

@@ -22,6 +22,7 @@ from arena.pit.seating import Pairing, Seating
 from arena.pit.seats import Client, Seat, SeatBook, SlotId
 from arena.protocol.handshake import Caller, new_secret
 from arena.protocol.messages import JoinRequest, Signed, Ticket
+from arena.protocol.sealing import Opener
 from arena.records.journal import NONCE_BYTES, Header
 
 logger = logging.getLogger(__name__)
@@ -53,6 +54,8 @@ class Matches:
         self._lanes = Lanes(first=_LANES_APART * new_secret()[0])
         self._by_lane: dict[int, MatchSession] = {}
         """Those that run, and those that wait for their receipts."""
+        self._former_openers: dict[int, dict[Team, tuple[Opener, ...]]] = {}
+        """By lane, of the match that was there last: a process that slept may say something yet."""
         self._running: dict[str, MatchSession] = {}
         self._closing: dict[str, _Closing] = {}
         self._seats = SeatBook()
@@ -226,7 +229,8 @@ class Matches:
         return [*effects, MatchEnded(header=match.header, result=result, seats=records, entries=session.entries)]
 
     def _add(self, match: Match, entries: dict[Team, bytes], nonce: bytes, now_s: float) -> MatchSession:
-        session = MatchSession(self._context, match, entries, nonce, self._lanes.take(now_s))
+        lane = self._lanes.take(now_s)
+        session = MatchSession(self._context, match, entries, nonce, lane, self._former_openers.pop(lane, {}))
         self._running[session.id] = self._by_lane[session.lane] = session
         return session
 
@@ -234,6 +238,7 @@ class Matches:
         """Close the journal of a match that is over; it may be seen once its whole fixture is."""
         session = self._closing.pop(match).session
         del self._by_lane[session.lane]
+        self._former_openers[session.lane] = session.openers
         self._lanes.give_back(session.lane, now_s)
         return [*session.close(), *self._archive.add(match, session.match.header if session.has_journal else None)]
 

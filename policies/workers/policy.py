@@ -116,8 +116,11 @@ class WorkerFactory:
             for worker in self._workers:
                 if worker.failure is None:
                     return worker
-        elif self._spare:
-            return self._spare.popleft()
+        while self._spare:
+            worker = self._spare.popleft()
+            if worker.failure is None:
+                return worker
+            self._workers.discard(worker)
         return self._start()
 
     def release(self, worker: Worker) -> None:

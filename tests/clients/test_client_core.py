@@ -12,8 +12,8 @@ from arena.errors import KeyFileError, LostPitError, RefusedError, RulesetError
 from arena.game.keys import MatchKeys
 from arena.game.observation import Observations
 from arena.game.ruleset import load, to_dict
-from arena.game.types import Team
-from arena.policy import BatchPolicy, Thinking
+from arena.game.types import Team, Termination
+from arena.policy import BatchPolicy, MatchResult, Thinking
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import new_secret, open_request, sign_challenge
@@ -580,6 +580,31 @@ def test_a_match_that_is_gone_frees_its_seat(both: Joined) -> None:
     assert both.requests[-1].match == ""
 
 
+def test_a_match_that_is_gone_is_none_of_those_that_were_wanted() -> None:
+    both = seated(n_matches=1)
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
+
+    both.answer(Wait(reason="for another match, since that one is over"))
+
+    assert not both.core.is_done
+    both.answer(ticket(NEXT))
+    both.deliver(sign_statement(PIT, replace(ENDED, match=NEXT)))
+    assert (both.core.is_done, both.core.n_ended) == (True, 1)
+
+
+def test_a_match_that_is_gone_ends_for_its_policy(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended: list[MatchResult] = []
+    monkeypatch.setattr(Counter, "end", lambda _, seat, result: ended.append(result))
+    both = seated()
+    both.turn(0)
+    both.feed(events.TimePassed())
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
+
+    both.answer(Wait(reason="for another match, since that one is over"))
+
+    assert [(result.ending, result.ticks) for result in ended] == [(Termination.VOID, 1)]
+
+
 def test_another_match_than_the_one_that_was_asked_for_makes_another_seat() -> None:
     both = seated(n_matches=2)
     both.turn(0)
@@ -785,15 +810,28 @@ def test_several_slots_play_side_by_side_each_under_its_own_keys() -> None:
 
 def test_a_slot_without_a_match_left_is_done_although_another_plays() -> None:
     both = Joined(n_slots=2)
-    both.connect()
+    assert len(both.connect()) == 1
     both.answer(ticket())
-
-    both.answer(Wait(reason="x"))
 
     assert both.queries == []
     assert not both.core.is_done
-    both.deliver(sign_statement(PIT, ENDED))
+    both.deliver(sign_statement(PIT, ENDED), 1)
     assert both.core.is_done
+
+
+def test_slots_that_are_free_at_once_ask_for_no_more_matches_than_are_left() -> None:
+    both = Joined(n_slots=2, n_matches=3)
+    both.connect()
+    for number in range(2):
+        both.answer(ticket(f"{number:016}"))
+
+    for number in range(2):
+        both.deliver(sign_statement(PIT, replace(ENDED, match=f"{number:016}")), number)
+
+    assert len(both.queries) == 1
+    both.answer(ticket(NEXT))
+    both.deliver(sign_statement(PIT, replace(ENDED, match=NEXT)))
+    assert (both.core.is_done, both.core.n_ended) == (True, 3)
 
 
 # Audits

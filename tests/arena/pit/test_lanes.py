@@ -42,3 +42,19 @@ def test_what_comes_late_from_a_match_that_is_over_meets_no_other() -> None:
     play(eve, dan, n_ticks=RULES.tick_limit)
 
     assert not any(n for seat in pit.ended[-1].seats.values() for n in seat.faults().values())
+
+
+def test_what_comes_after_a_lane_has_rested_is_not_forged_in_its_next_match() -> None:
+    pit = OfflinePit()
+    ann, bob = begin(pit)
+    play(ann, bob)
+    for player in (ann, bob):
+        player.give_receipt()
+    pit.pass_time(REST_S)
+    eve, dan = begin(pit, "eve", "dan")
+    assert eve.ticket.lane == ann.ticket.lane
+
+    ann.order()  # its process was stopped for as long
+    play(eve, dan)
+
+    assert not any(n for seat in pit.ended[-1].seats.values() for n in seat.faults().values())

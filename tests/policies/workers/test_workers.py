@@ -321,3 +321,22 @@ def test_a_bot_that_never_answers_is_ended_where_it_is_waited_for(start: Start, 
 
     assert act(policy, board) == UNREADABLE
     assert "did not answer within 2 s" in (policy.take_faults(0).first_traceback or "")
+
+
+def test_a_spare_process_that_has_ended_plays_no_match(tmp_path: Path, board: BatchedGame) -> None:
+    bot = tmp_path / "bot.py"
+    bot.write_text("def act(seen):\n    return [1 for _ in seen.units]\n")
+    factory = WorkerFactory(str(bot), n_spare=1)
+    try:
+        factory.prepare()
+        spare = factory.acquire()
+        factory.release(spare)  # another starts for the match to come
+        (spare,) = factory._spare
+        spare.kill("the machine was short of memory")
+
+        policy = factory(PAPER, Team.BLUE, 1)
+        policy.start(np.arange(1))
+
+        assert act(policy, board) == [1] * 6
+    finally:
+        factory.close()
