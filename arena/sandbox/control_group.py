@@ -102,7 +102,7 @@ class ControlGroup:
         """Remove the group; what still runs in it keeps it for `_remove_stale`."""
         for folder in self._distinct:
             with suppress(OSError):
-                folder.rmdir()
+                _remove(folder)
 
 
 def _parents_v1(root: Path) -> dict[str, Path] | None:
@@ -141,7 +141,15 @@ def _remove_stale(parent: Path) -> None:
         if not Path("/proc", maker).exists():
             with suppress(OSError):
                 _kill_all(folder)
-                folder.rmdir()
+                _remove(folder)
+
+
+def _remove(folder: Path) -> None:
+    """Remove a group, and first those that its processes made in it, with all that is left in them."""
+    for inner in folder.glob(f"{_PREFIX}*-*"):
+        _kill_all(inner)
+        _remove(inner)
+    folder.rmdir()
 
 
 def _kill_all(folder: Path) -> None:

@@ -296,6 +296,18 @@ def test_a_group_whose_maker_was_killed_is_removed_by_the_next() -> None:
     assert not any(folder.exists() for folder in stale)
 
 
+def test_a_group_is_removed_with_those_that_were_made_in_it() -> None:
+    group = ControlGroup.make(NO_LIMITS)
+    if group is None:
+        pytest.skip("this user can make no control group here")
+    for folder in set(group.folders.values()):
+        (folder / "arena-999999999-0").mkdir()
+
+    group.remove()
+
+    assert not any(folder.exists() for folder in group.folders.values())
+
+
 def test_a_group_left_by_a_maker_of_our_number_is_in_nobodys_way() -> None:
     group = ControlGroup.make(NO_LIMITS)
     if group is None:
