@@ -35,6 +35,8 @@ PROBE_S = 2.0
 """The same for the question whether a match still runs."""
 SILENCE_S = 2.0
 """A seat that hears nothing for so long asks whether its match still runs."""
+START_S = 30.0
+"""The same for a seat whose policy has not started: the referee waits for it, unless the match is over."""
 JOURNAL_S = 4.0
 """A running pit sends a piece of a journal within this time."""
 MOST_UNANSWERED = 24
@@ -153,7 +155,9 @@ class ClientCore:
 
     def _on_clock(self, now_s: float) -> None:
         for slot in self._slots:
-            if slot.has_heard or (slot.session is not None and slot.session.seat.owes_ready):
+            seat = None if slot.session is None else slot.session.seat
+            is_starting = seat is not None and seat.is_starting
+            if slot.has_heard or (seat is not None and seat.owes_ready and not is_starting):
                 slot.has_heard, slot.heard_at_s = False, now_s  # silence begins now, however long the policy thought
             if slot.is_done:
                 continue
@@ -162,8 +166,9 @@ class ClientCore:
             ):
                 self._effects.append(events.Reconnect())
                 return
-            is_behind = slot.session is not None and slot.session.seat.is_behind
-            if slot.question is None and (not slot.is_open or is_behind or now_s - slot.heard_at_s > SILENCE_S):
+            is_behind = seat is not None and seat.is_behind
+            silence_s = START_S if is_starting else SILENCE_S
+            if slot.question is None and (not slot.is_open or is_behind or now_s - slot.heard_at_s > silence_s):
                 self._ask(slot, now_s)
         self._think()
 

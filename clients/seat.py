@@ -111,6 +111,11 @@ class Seat:
         return self._must_say_ready or (self._caught_up_at is not None and bool(self._waiting))
 
     @property
+    def is_starting(self) -> bool:
+        """Whether the policy has not started yet."""
+        return not self._has_started
+
+    @property
     def transcript(self) -> Path | None:
         """The file of what this seat is shown, if that is kept."""
         return None if self._transcript is None else self._transcript.path

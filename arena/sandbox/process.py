@@ -63,6 +63,8 @@ class SandboxedProcess:
     ) -> None:
         limits = self._limits = sandbox.limits
         self._group = ControlGroup.make(limits)
+        if self._group is None and sandbox.has_wall and (why := why_no_limits()) is not None:
+            raise InputError(f"the limits of a sandbox cannot be held any more: {why}")
         if self._group is not None:  # it counts memory better than the address space does
             limits = replace(limits, memory_mb=None)
         outside: dict[str, Any] = {"parent": os.getpid(), "groups": [] if self._group is None else self._group.entrances}

@@ -141,8 +141,11 @@ def _note(file: Path | None, limit: str) -> None:
     """Say that the policy met a limit, and leave word for whoever started this client."""
     say(f"the policy met its limit of {limit}", err=True)
     if file is not None:
-        with file.open("a", encoding="utf-8") as notes:
-            notes.write(f"{limit}\n")
+        try:
+            with file.open("a", encoding="utf-8") as notes:
+                notes.write(f"{limit}\n")
+        except OSError as error:
+            say(f"cannot note that in {file}: {error.strerror}", err=True)
 
 
 def _make_mailbox(autopilot: str, slots: int) -> "TurnMailbox":

