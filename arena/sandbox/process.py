@@ -112,6 +112,10 @@ class SandboxedProcess:
             self._group = None
         return code
 
+    def limits_met_so_far(self) -> list[str]:
+        """Return which limits the running process has met, as far as it does not end by that; by the names of `Limits`."""
+        return [] if self._group is None else self._group.limits_met()
+
     def limits_met(self, code: int, *, has_ended_itself: bool) -> list[str]:
         """Return which limits a process met that has ended, by the names of `Limits`.
 

@@ -30,6 +30,8 @@ _MOST_UNREAD_BYTES = 4 << 20
 """Of what it is told, beside what its pipe holds: the observations of many seats at once, and no more."""
 _GOODBYE_S = 1.0
 """How long a process whose last match is over may take to end."""
+_LOOK_S = 1.0
+"""After so long without a word from it, it is looked whether it has met a limit."""
 _EXIT_S = 0.5
 """Between the end of what a process says and its own."""
 _WORDS = {
@@ -102,6 +104,8 @@ class Worker:
         """Answers that it was asked for."""
         self._answers: dict[int, deque[Answer]] = {}
         self._n_printed = 0
+        self._noted: set[str] = set()
+        """Limits that were told of."""
         self._end_by_s: float | None = None
         self.is_loaded = False
         """Whether it can be asked."""
@@ -190,8 +194,11 @@ class Worker:
             for stream in (self._stdout, self._stderr, self._wake_read):
                 selector.register(stream, selectors.EVENT_READ)
             while True:
-                wait_s = None if self._end_by_s is None else max(self._end_by_s - time.monotonic(), 0.0)
+                wait_s = _LOOK_S if self._end_by_s is None else max(self._end_by_s - time.monotonic(), 0.0)
                 ready = [key.fileobj for key, _ in selector.select(wait_s)]
+                if not ready:  # it is busy, or idle; who works asks for more
+                    for name in self._process.limits_met_so_far():
+                        self._note(name)
                 is_dismissed = self._end_by_s is not None
                 if self._end_by_s is not None and time.monotonic() >= self._end_by_s:
                     return is_dismissed
@@ -279,7 +286,9 @@ class Worker:
         return f"{_WORDS[name]} ({name} = {getattr(self._limits, name)})"
 
     def _note(self, name: str) -> None:
-        self._on_limit(_WORDS[name])
+        if name not in self._noted:
+            self._noted.add(name)
+            self._on_limit(_WORDS[name])
 
 
 def _faults(raised: int, illegal: int, traceback: str | None) -> Faults:

@@ -47,7 +47,7 @@ class Show:
         header = Header(identity=IDENTITY, blue="ann", red="bob", ruleset=RULES, keys=KEYS)
         match, chance = Match(header, TimeControl(turn_time_s=None), 0.0), random.Random(3)
         context = PitContext(pit="pit", identity=identity, spectator_key=spectator_key)
-        self._session = MatchSession(context, match, {team: Identity.make().public for team in Team}, b"", 0)
+        self._session = MatchSession(context, match, {team: Identity.make().public for team in Team}, b"", 0, {})
         self.journal = match.start_record
         self.public: list[bytes] = []
         self.truths: list[bytes] = []

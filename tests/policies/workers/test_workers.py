@@ -17,6 +17,7 @@ from arena.game.ruleset import load
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult, Thinking
 from arena.sandbox import bubblewrap
+from arena.sandbox.control_group import ControlGroup
 from arena.sandbox.limits import BEHIND_A_WALL
 from policies.registry import load as load_policy
 from policies.workers.policy import WorkerFactory, WorkerPolicy
@@ -340,3 +341,30 @@ def test_a_spare_process_that_has_ended_plays_no_match(tmp_path: Path, board: Ba
         assert act(policy, board) == [1] * 6
     finally:
         factory.close()
+
+
+FORKS = """
+import os, time
+def act(seen):
+    while True:
+        try:
+            if os.fork() == 0:
+                time.sleep(1000)
+        except OSError:
+            time.sleep(0.01)
+"""
+
+
+def test_a_limit_is_told_of_while_the_process_goes_on(start: Start, board: BatchedGame) -> None:
+    group = ControlGroup.make(BEHIND_A_WALL)
+    if group is None:
+        pytest.skip("this user can make no control group here")
+    group.remove()
+    told = Event()
+    policy = start(FORKS, **walls(), on_limit=lambda limit: told.set() if limit == "processes" else None)
+    policy._factory.wake = lambda: None
+
+    with pytest.raises(Thinking):
+        act(policy, board)
+
+    assert told.wait(WAIT_S)
