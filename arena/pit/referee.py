@@ -93,6 +93,8 @@ class Referee:
         self.n_dropped = 0
         self._empty_at_s = 0.0
         """When no action waited."""
+        self._left_at_s = 0.0
+        """When this thread last left the actions for something else."""
         self._carry_out: dict[type[Effect], Callable[[Any], None]] = {
             OpenMatch: self._open_match,
             CloseMatch: lambda effect: self._channels.pop(effect.match).close(),
@@ -149,6 +151,7 @@ class Referee:
             now_s = time.monotonic()
             if now_s >= next_sweep_s:
                 self._take_actions()
+                self._left_at_s = time.monotonic()
                 for _ in range(self._inbox.qsize()):
                     self._hand_in(self._inbox.get()())
                 next_sweep_s = now_s + _SWEEP_S
@@ -219,19 +222,20 @@ class Referee:
         """Hand in the actions that have come, and return whether any had.
 
         Not the answers to what follows, or it would never end where all are quick. They came while this thread did something
-        else, which no seat is charged for: their clocks stop when the queue was seen empty last.
+        else, which no seat is charged for: their clocks stop when the queue was seen empty last, or when this thread left it.
         """
         for number in range(most or 2 * self._core.n_running + _MOST_JUNK):
             sample = self._actions.take()
             if sample is None:
                 self._empty_at_s = time.monotonic()
                 return number > 0
-            self._take_action(sample, self._empty_at_s)
+            self._take_action(sample, max(self._empty_at_s, self._left_at_s))
         return True
 
     def _open_requests(self) -> None:
         while self._core.may_open_request:
             self._take_actions()  # a turn waits for one request at most
+            self._left_at_s = time.monotonic()
             self._refill_journals()
             begun_s = time.monotonic()
             self._hand_in(RequestTurn())

@@ -174,6 +174,33 @@ def test_time_that_the_pit_spends_elsewhere_is_charged_to_no_seat(tmp_path: Path
     pit.referee.close()
 
 
+def test_a_queue_that_is_never_empty_gives_nobody_time_for_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pit = Pit(tmp_path, n_ticks=2).sit()
+    now_s = [time.monotonic()]
+
+    def read_clock() -> float:
+        now_s[0] += 0.001
+        return now_s[0]
+
+    monkeypatch.setattr("arena.pit.referee.time", SimpleNamespace(monotonic=read_clock))
+    pit.run()  # the queue is seen empty, and each seat was asked
+    [match] = pit.referee.matches
+    junk = SimpleNamespace(key_expr="junk", payload=Bytes(b""))
+
+    pit.network.samples += [junk] * 2_000
+    now_s[0] += 5.0  # in which both seats think
+    pit.run()
+    for team, sealer in pit.sealers.items():
+        data = Bytes(sealer.close(encode(Orders(tick=0, actions=bytes(N_UNITS))), 0))
+        pit.network.samples.append(SimpleNamespace(key_expr=topics.action("pit", pit.lane, team), payload=data))
+    for _ in range(20):
+        pit.run()
+
+    assert pit.n_written == 1
+    assert [match.record(team).latencies_s[0] >= 5.0 for team in Team] == [True, True]
+    pit.referee.close()
+
+
 @pytest.mark.parametrize("n_ticks", [1, 2])
 def test_a_tick_that_cannot_be_written_ends_the_pit_and_nothing_of_it_is_sent_or_signed(
     n_ticks: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
