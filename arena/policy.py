@@ -159,6 +159,12 @@ class Faults:
     """Answers that were not one action per unit."""
     first_traceback: str | None = None
 
+    def add(self, later: "Faults") -> None:
+        """Count what went wrong later, too."""
+        self.raised += later.raised
+        self.illegal += later.illegal
+        self.first_traceback = self.first_traceback or later.first_traceback
+
 
 BatchFactory = Callable[[Ruleset, Team, int], BatchPolicy]
 """Makes a fighter for a number of seats; it may carry `most_seats`, the most that suit it. `BatchPolicy` subclasses are

@@ -6,17 +6,16 @@ tick after the other. An answer that the referee does not wait for any more is n
 """
 
 from collections import deque
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from arena.errors import UnreadableError
 from arena.game.observation import Observations
-from arena.game.ruleset import Ruleset, from_dict
+from arena.game.ruleset import Ruleset, read_rules
 from arena.game.types import Team, Termination
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult, Thinking
 from arena.protocol.messages import UNKNOWN_US, Ended, History, Message, Orders, Ready, Ticket, Turn
@@ -48,12 +47,6 @@ def read_result(ended: Ended) -> MatchResult:
         return MatchResult.from_dict(asdict(ended))
     except KeyError as error:
         raise UnreadableError(f"no match ends like this: {error}") from error
-
-
-def read_rules(values: Mapping[str, Any]) -> Ruleset:
-    """Return the ruleset of a ticket or a lobby; `InputError` if it is none that this version knows."""
-    rest = dict(values)
-    return from_dict(str(rest.pop("name", "unnamed")), rest)
 
 
 class _Shown(NamedTuple):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from arena.errors import ForgedError, InputError, LostPitError, ProtocolError, UnreadableError
 from arena.game.observation import OwnUnit
-from arena.game.ruleset import Ruleset
+from arena.game.ruleset import Ruleset, read_rules
 from arena.game.types import Team
 from arena.network.address import Address
 from arena.network.session import Sample, Session, open_client, read_key, read_payload
@@ -22,7 +22,6 @@ from arena.protocol.observation_codec import ObservationReader
 from arena.protocol.sealing import Opener, truth_opener
 from arena.protocol.signed import read_statement
 from clients.lobby import ask_challenge, ask_lobby
-from clients.seat import read_rules
 
 SALT_BYTES = 32
 MOST_WAITING = 1_000

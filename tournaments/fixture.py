@@ -74,9 +74,7 @@ def tally(one: str, other: str, records: Iterable[MatchRecord]) -> Tally:
         counts["ticks"] += result.ticks
         counts["score"] += result.seen_by(own).score
         for name, found in zip((plan.blue, plan.red), record.faults, strict=True):
-            faults[name].raised += found.raised
-            faults[name].illegal += found.illegal
-            faults[name].first_traceback = faults[name].first_traceback or found.first_traceback
+            faults[name].add(found)
     pairs = np.array(list(per_pair.values()))
     score = float(pairs.mean())
     margin = _Z95 * float(pairs.std(ddof=1)) / len(pairs) ** 0.5 if len(pairs) > 1 else 1.0

@@ -8,7 +8,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -100,6 +100,18 @@ def to_dict(ruleset: Ruleset) -> dict[str, Any]:
     del facts["name"]
     facts["units"] = {unit.pop("name"): unit for unit in facts["units"]}
     return {key: value for key, value in facts.items() if value is not None}
+
+
+@lru_cache(maxsize=64)
+def rules_values(ruleset: Ruleset) -> dict[str, Any]:
+    """Return a ruleset and its name as headers, tickets and lobbies hold them; nobody may change it."""
+    return {"name": ruleset.name, **to_dict(ruleset)}
+
+
+def read_rules(values: Mapping[str, Any]) -> Ruleset:
+    """Return the ruleset that `rules_values` wrote; `InputError` if it is none that this version knows."""
+    rest = dict(values)
+    return from_dict(str(rest.pop("name", "unnamed")), rest)
 
 
 def from_dict(name: str, values: Mapping[str, Any]) -> Ruleset:

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 from arena.errors import ProtocolError
-from arena.game.ruleset import Ruleset
+from arena.game.ruleset import Ruleset, rules_values
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.pit.admission import MOST_QUEUED, Admission, PendingRequest
@@ -43,7 +43,6 @@ from arena.pit.register import Register
 from arena.pit.seating import Seating
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import AdminRequest, ChallengeRequest, Lobby, Refusal, SealedRequest
-from arena.records.framing import rules_values
 
 _SHARE = 0.3
 """Of the time that goes to requests for seats, while matches run."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from arena.errors import ForgedError, ReplayedError, UnreadableError
+from arena.game.ruleset import rules_values
 from arena.game.types import Team, Termination
 from arena.match.effects import Ask, End, Publish, Write
 from arena.match.effects import Effect as MatchEffect
@@ -30,7 +31,6 @@ from arena.protocol.messages import (
 )
 from arena.protocol.sealing import Opener, Sealer, truth_sealer
 from arena.protocol.signed import check_receipt, commit, sign_journal, sign_statement
-from arena.records.framing import rules_values
 from arena.records.journal import journal_name, write_receipt, write_seats, write_signature
 from arena.records.plan import network_name
 

@@ -6,7 +6,6 @@ that names the kind of file.
 
 import struct
 from collections.abc import Callable
-from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -15,7 +14,7 @@ import msgpack
 
 from arena.errors import InputError, JournalError
 from arena.files import read_file
-from arena.game.ruleset import Ruleset, from_dict, to_dict
+from arena.game.ruleset import Ruleset, from_dict
 from arena.game.types import RULES_VERSION
 from arena.policy import MatchResult
 
@@ -84,12 +83,6 @@ class FrameReader:
         if self.take(1, "its header") != b"H":
             raise JournalError(f"the {self._kind} was changed: it does not begin with a header")
         return self.take_frame("its header")
-
-
-@lru_cache(maxsize=64)
-def rules_values(ruleset: Ruleset) -> dict[str, Any]:
-    """Return a ruleset as a header holds it."""
-    return {"name": ruleset.name, **to_dict(ruleset)}
 
 
 def read_header(data: bytes, kind: str, make: Callable[[dict[str, Any], Ruleset], PackedHeader]) -> PackedHeader:

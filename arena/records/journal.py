@@ -31,7 +31,7 @@ import msgpack
 from arena.errors import InputError, JournalError
 from arena.files import keep_former
 from arena.game.keys import KEY_BYTES, MatchKeys
-from arena.game.ruleset import Ruleset
+from arena.game.ruleset import Ruleset, rules_values
 from arena.game.types import RULES_VERSION, Team
 from arena.policy import MatchResult
 from arena.protocol.identity import PUBLIC_BYTES, SIGNATURE_BYTES
@@ -45,7 +45,6 @@ from arena.records.framing import (
     pack_frame,
     read_ending,
     read_header,
-    rules_values,
 )
 from arena.records.plan import network_name
 

@@ -31,7 +31,7 @@ import msgpack
 from arena.errors import InputError, JournalError, UnreadableError
 from arena.files import read_file
 from arena.game.observation import Observation
-from arena.game.ruleset import Ruleset
+from arena.game.ruleset import Ruleset, rules_values
 from arena.game.types import RULES_VERSION, Team
 from arena.policy import MatchResult
 from arena.protocol.messages import MOST_US, UNKNOWN_US
@@ -45,7 +45,6 @@ from arena.records.framing import (
     pack_frame,
     read_ending,
     read_header,
-    rules_values,
 )
 
 logger = logging.getLogger(__name__)

@@ -71,9 +71,9 @@ def wall_command(
         arguments += ["--size", size, "--tmpfs", str(folder)]
     for place in _sorted([*_python(), *readable]):
         arguments += ["--ro-bind", str(place), str(place)]
-    # /proc, too: where we are root, the kernel would let it write settings of the whole machine there.
     for place in _unused():
         arguments += ["--tmpfs", str(place), "--remount-ro", str(place)]
+    # /proc, too: where we are root, the kernel would let it write settings of the whole machine there.
     arguments += ["--remount-ro", "/proc", "--remount-ro", "/dev", "--remount-ro", "/", "--chdir", HOME]
     variables = {"PATH": _path(), "HOME": HOME, "LANG": "C.UTF-8", "PYTHONDONTWRITEBYTECODE": "1", **(environment or {})}
     for name, value in variables.items():

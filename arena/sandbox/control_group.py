@@ -75,9 +75,9 @@ class ControlGroup:
                 swap.write_text("0" if is_v2 else n_bytes)
         if limits.processes is not None:
             (pids / "pids.max").write_text(str(limits.processes))
-        # Who makes the machine busy waits for the referee, and not the other way round.
-        (cpu / ("cpu.weight" if is_v2 else "cpu.shares")).write_text(_WEIGHT_V2 if is_v2 else _SHARES_V1)
         if limits.cores is not None:
+            # Whose share is bounded waits for the referee, and not the other way round; a client of ours has no such bound.
+            (cpu / ("cpu.weight" if is_v2 else "cpu.shares")).write_text(_WEIGHT_V2 if is_v2 else _SHARES_V1)
             quota_us = limits.cores * _PERIOD_US
             if is_v2:
                 (cpu / "cpu.max").write_text(f"{quota_us} {_PERIOD_US}")

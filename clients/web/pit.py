@@ -16,13 +16,12 @@ from typing import Any
 
 from arena.display.frame import Units, describe_rules, describe_tick, find_events
 from arena.errors import ArenaError, LostPitError, ProtocolError
-from arena.game.ruleset import Ruleset
+from arena.game.ruleset import Ruleset, read_rules
 from arena.network.address import Address
 from arena.network.session import Sample, Session, open_client, read_key, read_payload
 from arena.protocol import topics
 from arena.protocol.messages import Lobby
 from clients.lobby import ask_challenge, ask_journal, ask_lobby
-from clients.seat import read_rules
 from clients.spectator import MOST_WAITING, Frame, Spectator
 
 _EVERY_S = 1.0

@@ -10,7 +10,7 @@ from typing import IO, Any
 import numpy as np
 
 from arena.errors import ArenaError
-from arena.game.ruleset import Ruleset, from_dict
+from arena.game.ruleset import Ruleset, read_rules
 from arena.game.types import Team
 from arena.policy import BatchFactory, MatchResult
 from arena.protocol.observation_codec import ObservationReader
@@ -61,7 +61,7 @@ def main() -> None:
     while (message := read_frame(inbox)) is not None:
         match message:
             case ["start", seat, rules, team]:
-                seats[seat] = _Seat(make, from_dict(rules.pop("name"), rules), Team(team))
+                seats[seat] = _Seat(make, read_rules(rules), Team(team))
                 outbox.write(pack([seat, b"", *seats[seat].faults()]))
             case ["act", seat, data]:
                 orders = seats[seat].act(data)

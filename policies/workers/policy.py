@@ -19,7 +19,7 @@ from platformdirs import user_data_path
 
 from arena.errors import InputError, PolicyError
 from arena.game.observation import Observations
-from arena.game.ruleset import Ruleset, to_dict
+from arena.game.ruleset import Ruleset, rules_values
 from arena.game.types import Action, Team
 from arena.jit import cache_root
 from arena.keyring.ring import config_folder
@@ -212,12 +212,6 @@ class _Row:
     is_asked: bool = False
     faults: Faults = field(default_factory=Faults)
 
-    def add(self, faults: Faults) -> None:
-        """Count what went wrong."""
-        self.faults.raised += faults.raised
-        self.faults.illegal += faults.illegal
-        self.faults.first_traceback = self.faults.first_traceback or faults.first_traceback
-
 
 class WorkerPolicy(BatchPolicy):
     """Seats that processes play. What becomes of a process costs its seats alone: their units stay."""
@@ -228,7 +222,7 @@ class WorkerPolicy(BatchPolicy):
         self._rows: list[_Row | None] = [None] * n_seats
         self._last_faults = [Faults() for _ in range(n_seats)]
         """Of matches that are over."""
-        self._rules = {"name": ruleset.name, **to_dict(ruleset)}
+        self._rules = rules_values(ruleset)
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Begin a match for each of `seats`; `Thinking` while one is not ready for it."""
@@ -278,12 +272,12 @@ class WorkerPolicy(BatchPolicy):
         worker = row.worker
         if worker.is_loaded and not row.is_begun:
             row.is_begun = True
-            worker.start(row.number, dict(self._rules), int(self.team))
+            worker.start(row.number, self._rules, int(self.team))
         if not row.is_started and worker.failure is not None:
             row.is_started = True
         elif not row.is_started and row.is_begun and (answer := worker.take(row.number)) is not None:
             row.is_started = True
-            row.add(answer.faults)
+            row.faults.add(answer.faults)
         return row.is_started
 
     def _await(self, rows: list[_Row], is_ready: Callable[[_Row], bool]) -> None:
@@ -300,9 +294,9 @@ class WorkerPolicy(BatchPolicy):
         row.is_asked = False
         answer = row.worker.take(row.number)
         if answer is None:
-            row.add(Faults(raised=1, first_traceback=row.worker.failure))
+            row.faults.add(Faults(raised=1, first_traceback=row.worker.failure))
             return np.full(n_units, UNREADABLE, np.int8)
-        row.add(answer.faults)
+        row.faults.add(answer.faults)
         given = np.frombuffer(answer.orders, np.int8)
         is_legal = given.shape == (n_units,) and bool(((given >= 0) & (given < len(Action))).all())
         return given if is_legal else np.full(n_units, UNREADABLE, np.int8)

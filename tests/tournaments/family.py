@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -92,6 +92,19 @@ class LeagueProcess:
     def find_referee(self) -> int | None:
         """Return its referee's process; in the network venue, nothing else is started that way."""
         return self.find("spawn_main")
+
+
+def processes() -> Iterator[tuple[int, str]]:
+    """Yield the process id and the command line of all that runs, behind walls too."""
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit():
+            with suppress(FileNotFoundError, ProcessLookupError):
+                yield int(folder.name), (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+
+
+def marked(mark: str) -> set[int]:
+    """Return the processes that have a word in their command line."""
+    return {pid for pid, command in processes() if mark in command}
 
 
 def wait_for_the_end_of(pids: Iterable[int]) -> None:

@@ -111,6 +111,12 @@ class OfflinePit:
         self.n_begun += 1
         return plan(f"pit/{self.n_begun}", blue, red)
 
+    def successor(self) -> "OfflinePit":
+        """Return another pit, which finds the journals of this one."""
+        later = OfflinePit()
+        later.journals = dict(self.journals)
+        return later
+
     def do(self, event: Event) -> list[Effect]:
         """Hand an event in, and carry out what comes of it."""
         effects = self.core.receive(event, self.now_s)

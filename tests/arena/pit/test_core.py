@@ -164,8 +164,7 @@ def test_what_was_sealed_under_the_keys_of_the_tickets_before_counts_for_nothing
 def test_what_a_seat_sends_to_a_pit_that_has_just_resumed_its_match_is_no_fault(pit: OfflinePit) -> None:
     ann, bob = begin(pit)
     play(ann, bob, n_ticks=1)
-    later = OfflinePit()
-    later.journals = dict(pit.journals)
+    later = pit.successor()
     later.do(find(pit, FIRST))
 
     later.do(ActionReceived(ann.ticket.lane, ann.team, ann.sealer.close(encode(Orders(tick=1, actions=bytes(N_UNITS))), 1)))
@@ -513,8 +512,7 @@ def test_no_two_runs_call_a_match_the_same_and_each_journal_says_how_its_own_cal
 def test_a_resumed_match_keeps_its_name(pit: OfflinePit) -> None:
     ann, bob = begin(pit)
     play(ann, bob, n_ticks=2)
-    later = OfflinePit()
-    later.journals = dict(pit.journals)
+    later = pit.successor()
     later.do(find(pit, FIRST))
 
     assert Player(later, "ann", ann.identity).join(match=ann.ticket.match).ticket.match == ann.ticket.match
@@ -577,8 +575,7 @@ def find(pit: OfflinePit, name: str, cut: int = 0) -> UnfinishedFound:
 def test_a_match_that_was_cut_off_is_resumed_at_its_tick_and_ends_as_it_would_have(pit: OfflinePit, cut: int) -> None:
     ann, bob = begin(pit)
     play(ann, bob, n_ticks=3)
-    later = OfflinePit()
-    later.journals = dict(pit.journals)
+    later = pit.successor()
 
     later.do(find(pit, FIRST, cut))
     players = [Player(later, player.name, player.identity).join(match=player.ticket.match) for player in (ann, bob)]
@@ -611,8 +608,7 @@ def test_a_match_that_was_killed_between_its_last_tick_and_its_ending_ends_at_on
     ann, bob = begin(pit)
     play(ann, bob)
     n_ending = next(n for n in range(1, 1_000) if read_journal(whole_part(pit.journals[FIRST][:-n])).ending is None)
-    later = OfflinePit()
-    later.journals = dict(pit.journals)
+    later = pit.successor()
 
     later.do(find(pit, FIRST, n_ending))
 

@@ -10,7 +10,7 @@ import pytest
 from offline_pit import OfflinePit, Player
 
 from arena.game.keys import MatchKeys
-from arena.game.ruleset import load
+from arena.game.ruleset import load, rules_values
 from arena.game.types import RULES_VERSION, Team, Termination
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
@@ -27,7 +27,6 @@ from arena.protocol import signed as facts
 from arena.protocol.codec import MOST_BYTES, encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Closed, JoinRequest, Lobby, Refusal, Wait
-from arena.records.framing import rules_values
 from arena.records.journal import Header, journal_name, write_ending, write_seats
 from arena.records.plan import MatchPlan, network_name
 

@@ -120,10 +120,14 @@ class Pit:
         self.run()
         return question
 
-    def send(self, message: Message) -> None:
+    def put(self, message: Message) -> None:
+        """Have both seats say something, which the referee has not taken up yet."""
         for team, sealer in self.sealers.items():
             key = topics.action("pit", self.lane, team)
             self.network.samples.append(SimpleNamespace(key_expr=key, payload=Bytes(sealer.close(encode(message), 0))))
+
+    def send(self, message: Message) -> None:
+        self.put(message)
         self.run()
 
     @property
@@ -145,24 +149,28 @@ def test_orders_that_come_are_written_and_the_next_turn_is_sent(tmp_path: Path) 
     pit.referee.close()
 
 
-def test_time_that_the_pit_spends_elsewhere_is_charged_to_no_seat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pit = Pit(tmp_path, n_ticks=2).sit()
+def set_clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Give the referee a clock that goes on by a millisecond whenever it is read, and by what is added to it."""
     now_s = [time.monotonic()]
 
-    def read_clock() -> float:
+    def read() -> float:
         now_s[0] += 0.001
         return now_s[0]
 
-    monkeypatch.setattr("arena.pit.referee.time", SimpleNamespace(monotonic=read_clock))
+    monkeypatch.setattr("arena.pit.referee.time", SimpleNamespace(monotonic=read))
+    return now_s
+
+
+def test_time_that_the_pit_spends_elsewhere_is_charged_to_no_seat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pit = Pit(tmp_path, n_ticks=2).sit()
+    now_s = set_clock(monkeypatch)
     pit.run()  # the queue is seen empty, and each seat was asked
     [match] = pit.referee.matches
 
     def hold_up(answer: bytes) -> None:
         """Have the thread answer somebody for half an hour, while the seats' orders come."""
         now_s[0] += 1_800.0
-        for team, sealer in pit.sealers.items():
-            data = Bytes(sealer.close(encode(Orders(tick=0, actions=bytes(N_UNITS))), 0))
-            pit.network.samples.append(SimpleNamespace(key_expr=topics.action("pit", pit.lane, team), payload=data))
+        pit.put(Orders(tick=0, actions=bytes(N_UNITS)))
 
     question: Any = SimpleNamespace(payload=b"", key="", answer=hold_up)
     pit.network.ask[topics.lobby("pit")](question)
@@ -176,13 +184,7 @@ def test_time_that_the_pit_spends_elsewhere_is_charged_to_no_seat(tmp_path: Path
 
 def test_a_queue_that_is_never_empty_gives_nobody_time_for_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pit = Pit(tmp_path, n_ticks=2).sit()
-    now_s = [time.monotonic()]
-
-    def read_clock() -> float:
-        now_s[0] += 0.001
-        return now_s[0]
-
-    monkeypatch.setattr("arena.pit.referee.time", SimpleNamespace(monotonic=read_clock))
+    now_s = set_clock(monkeypatch)
     pit.run()  # the queue is seen empty, and each seat was asked
     [match] = pit.referee.matches
     junk = SimpleNamespace(key_expr="junk", payload=Bytes(b""))
@@ -190,9 +192,7 @@ def test_a_queue_that_is_never_empty_gives_nobody_time_for_nothing(tmp_path: Pat
     pit.network.samples += [junk] * 2_000
     now_s[0] += 5.0  # in which both seats think
     pit.run()
-    for team, sealer in pit.sealers.items():
-        data = Bytes(sealer.close(encode(Orders(tick=0, actions=bytes(N_UNITS))), 0))
-        pit.network.samples.append(SimpleNamespace(key_expr=topics.action("pit", pit.lane, team), payload=data))
+    pit.put(Orders(tick=0, actions=bytes(N_UNITS)))
     for _ in range(20):
         pit.run()
 

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from family import marked
 
 from arena.errors import InputError
 from arena.sandbox import bubblewrap, process
@@ -249,19 +250,9 @@ time.sleep(1000)
 def wait_until_gone(mark: str) -> None:
     """Return once no process has a word in its command line."""
     end_s = time.monotonic() + WAIT_S
-    while any(mark.encode() in command for command in command_lines()):
+    while marked(mark):
         assert time.monotonic() < end_s, f"{mark} outlives its end"
         os.sched_yield()
-
-
-def command_lines() -> list[bytes]:
-    lines = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            lines.append((folder / "cmdline").read_bytes())
-        except OSError:
-            continue
-    return lines
 
 
 def test_a_machine_without_bubblewrap_is_told_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:

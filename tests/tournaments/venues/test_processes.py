@@ -7,13 +7,12 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from family import PATIENCE_S, LeagueProcess, kill, wait_for_the_end_of
+from family import PATIENCE_S, LeagueProcess, kill, marked, processes, wait_for_the_end_of
 
 import tournaments.venues.processes as tournament_processes
 from arena.errors import ArenaError
@@ -72,21 +71,6 @@ def few_deaths(monkeypatch: pytest.MonkeyPatch) -> int:
 
 def plan(one: str, other: str, n_pairs: int = 1) -> list[MatchPlan]:
     return plan_fixture("processes", one, other, n_pairs, secret_from_seed(1))
-
-
-def processes() -> Iterator[tuple[int, str]]:
-    """Yield the process id and the command line of all that runs."""
-    for folder in Path("/proc").iterdir():
-        if folder.name.isdigit():
-            try:
-                yield int(folder.name), (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-            except (FileNotFoundError, ProcessLookupError):
-                continue
-
-
-def marked(mark: str) -> set[int]:
-    """Return what has a word in its command line, from behind a wall too."""
-    return {pid for pid, command in processes() if mark in command}
 
 
 def sessions(words: str) -> set[int]:
