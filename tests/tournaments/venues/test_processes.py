@@ -73,12 +73,12 @@ def plan(one: str, other: str, n_pairs: int = 1) -> list[MatchPlan]:
     return plan_fixture("processes", one, other, n_pairs, secret_from_seed(1))
 
 
-def sessions(words: str) -> set[int]:
+def sessions(*words: str) -> set[int]:
     """Return the sessions, each of one entry, of what has these words in its command line."""
     found = set()
     for pid, command in processes():
         with suppress(ProcessLookupError):
-            if words in command:
+            if all(word in command for word in words):
                 found.add(os.getsid(pid))
     return found
 
@@ -91,14 +91,16 @@ def test_the_referee_and_every_entry_have_a_process_of_their_own(tmp_path: Path)
 
     first = next(outcomes)
     referees = {child.pid for child in multiprocessing.active_children() if child.name == "referee"}
-    clients = {name: sessions(f"--name {name} ") for name in ENTRIES}
+    clients = {name: sessions(f"--name {name} ", str(tmp_path)) for name in ENTRIES}
     rest = list(outcomes)
 
     assert len(referees) == 1
     assert all(len(pids) == 1 for pids in clients.values()), clients
     assert len(referees.union(*clients.values())) == 1 + len(ENTRIES)
     assert {first.identity, *(outcome.identity for outcome in rest)} == {match.identity for match in plans}
-    assert not any(f"--name {name} " in command for _, command in processes() for name in ENTRIES), "a client outlived its league"
+    assert not any(f"--name {name} " in command for _, command in processes() for name in ENTRIES if str(tmp_path) in command), (
+        "a client outlived its league"
+    )
 
 
 def test_a_client_that_is_killed_comes_back_and_that_it_vanished_is_recorded(tmp_path: Path) -> None:
@@ -296,7 +298,7 @@ def test_a_client_that_is_stopped_is_replaced_and_the_league_ends(
     outcomes = play_network(replace(setting, time_control=TimeControl(turn_time_s=0.5, bank_s=0.0)), plan("one", "slow", 2))
 
     played = [next(outcomes)]
-    for pid in sessions("--name one "):
+    for pid in sessions("--name one ", str(tmp_path)):
         os.kill(pid, signal.SIGSTOP)
     played += outcomes
 
