@@ -22,6 +22,10 @@ _OURS = {__file__, arena.policy.__file__}
 _MOST_FRAMES, _MOST_LETTERS = 20, 4000
 
 
+class BotError(Exception):
+    """What went wrong with a bot whose author has nothing of Python's to read: its sentence stands alone, without a traceback."""
+
+
 class EachSeat(BatchPolicy):
     """One bot per seat and match. What a bot raises, or gives instead of orders, costs its own seat alone.
 
@@ -112,6 +116,8 @@ class EachSeatFactory:
 
 def _bots_own(error: BaseException) -> str:
     """Return the traceback of an error from the first frame that is not ours; no error's text is too long for a journal."""
+    if isinstance(error, BotError):
+        return str(error)
     frames = error.__traceback__
     while frames is not None and frames.tb_frame.f_code.co_filename in _OURS:
         frames = frames.tb_next
