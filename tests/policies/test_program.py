@@ -175,8 +175,10 @@ def test_a_program_that_floods_its_stdout_is_ended_with_a_sentence_and_without_a
     policy = sit("[print('no', number) for number in range(200)]; print([1] * 6, flush=True)")
 
     assert ask(policy, games) == [UNREADABLE] * 6
-    told = policy.take_faults(0).first_traceback
-    assert told == "it wrote 100 lines that are not JSON, and no answer; the last was: no 99"
+    why = "it wrote 100 lines that are not JSON, and no answer; the last was: no 99"
+    faults = policy.take_faults(0)
+    assert faults.first_traceback == why
+    assert list(faults.reasons.values()) == [(f"tick 0: {why}; all its units stay", 1)]
     assert ask(policy, games) == [UNREADABLE] * 6
     assert policy.take_faults(0).first_traceback == "the program ended earlier in this match"
 
