@@ -8,8 +8,8 @@
 
 Every field is named as in `arena.game.observation.Observation`; `log` and `draw` are described in `arena.annotations`. A program
 plays match after match, one at a time, until its stdin closes. What it writes to stderr is shown. A line on stdout that is not
-JSON, printed to debug perhaps, is shown and skipped, and the next one is read. A program that ends, or answers nonsense, leaves its
-units where they are; it is started anew for the next match.
+JSON, printed to debug perhaps, is shown and skipped, and the next one is read. A program that ends, or answers nonsense, leaves
+its units where they are; it is started anew for the next match.
 """
 
 import atexit
