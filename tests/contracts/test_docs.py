@@ -27,7 +27,7 @@ def test_every_page_is_built(site: Path) -> None:
 def test_the_reference_is_made_of_the_docstrings(site: Path) -> None:
     page = (site / "reference" / "api.html").read_text(encoding="utf-8")
 
-    for name in ("arena.Action", "arena.Observation.find_flag", "arena.policy.BatchPolicy.act", "arena.envs.ParallelCapture.step"):
+    for name in ("arena.Action", "arena.Observation.find_flag", "arena.policy.BatchPolicy.act", "arena.envs.SingleCapture.step"):
         assert f'id="{name}"' in page, name
 
 
