@@ -46,9 +46,8 @@ class Score:
     def __str__(self) -> str:
         low, high = self.interval
         said = f"{self.wins} wins, {self.draws} draws, {self.losses} losses: score {self.score:.3f} ({low:.3f} to {high:.3f})"
-        if self.n_faults:
-            said += f"; {self.faults.raised} turns raised, {self.faults.illegal} were not one action per unit"
-        return f"{said}\n{self.faults.first_traceback}" if self.faults.first_traceback else said
+        reasons = [f"{first} ({count} times)" for first, count in self.faults.reasons.values()]
+        return "\n".join([said, *reasons, *([self.faults.first_traceback] if self.faults.first_traceback else [])])
 
 
 def play_pairs(bot: Fighter, opponent: Fighter, pairs: int = 20, *, rules: str | Ruleset = "paper", seed: int = 0) -> Score:

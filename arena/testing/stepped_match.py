@@ -14,7 +14,7 @@ from arena.game.observation import Observation, OwnUnit
 from arena.game.philox import Purpose
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Action, Team, Termination
-from arena.policy import MatchInfo, MatchResult, read_actions
+from arena.policy import MatchInfo, MatchResult, explain_refusal, read_actions
 from arena.records.replay import match_result
 
 _IDENTITY = "stepped"
@@ -171,8 +171,7 @@ class SteppedMatch:
             return np.full(n_units, Action.STAY, np.int8)
         orders = read_actions(given, n_units)
         if orders is None:
-            name = team.name.lower()
-            raise ValueError(f"tick {self.tick}: {name} orders {given!r}; it has {n_units} units, and each needs one of 0 to 4")
+            raise ValueError(f"tick {self.tick}, {team.name.lower()}: {explain_refusal(given, n_units)[1]}")
         return orders
 
     def _step_until(self, orders: NDArray[np.int8], falls: Mapping[Team, Collection[int]]) -> None:
