@@ -132,7 +132,8 @@ class _Match:
     def keys(self) -> MatchKeys:
         secret = secret_from_seed(0)
         return MatchKeys(
-            map_key=derive_map_key(secret, f"check/{self.opponent}", 0), match_key=derive_match_key(secret, f"check/{self.number}")
+            map_key=derive_map_key(secret, f"check/{self.opponent}", 0),
+            match_key=derive_match_key(secret, f"check/{self.number}"),
         )
 
 
@@ -213,12 +214,19 @@ class _Checked:
             else:
                 clock.charge(turn.took_s)
             if self._clock.turn_time_s is not None and turn.took_s > self._clock.turn_time_s:
-                self._find("time", f"tick {turn.tick} of {match}: a turn of {turn.took_s:.2f} s, and {self._clock.turn_time_s:g} s are given")
+                self._find(
+                    "time",
+                    f"tick {turn.tick} of {match}: a turn of {turn.took_s:.2f} s, and {self._clock.turn_time_s:g} s are given",
+                )
             if n_missed >= self._clock.most_missed:
                 self._find("forfeit", f"tick {turn.tick} of {match}: {n_missed} turns missed in a row forfeit it", is_fatal=True)
                 return
         self._judge(match, trial.result.ticks, trial.end())
-        match.ending = trial.result.seen_by(match.team).describe(match.team) if trial.is_over else f"cut short after {trial.result.ticks} ticks"
+        match.ending = (
+            trial.result.seen_by(match.team).describe(match.team)
+            if trial.is_over
+            else f"cut short after {trial.result.ticks} ticks"
+        )
         match.points = trial.result.points(match.team) if trial.is_over else None
 
     def _judge(self, match: _Match, tick: int, faults: Faults) -> None:

@@ -81,7 +81,9 @@ class Report:
             against = f"under {self.rules} against {', '.join(self.opponents)}"
             lines.append(f"{n_matches} {against}: {self.wins} won, {self.draws} drawn, {self.losses} lost")
         if self.times is not None:
-            took = f"{self.times.median_ms:.1f} ms (median), {self.times.p99_ms:.1f} ms (p99), {self.times.worst_ms:.1f} ms at worst"
+            took = (
+                f"{self.times.median_ms:.1f} ms (median), {self.times.p99_ms:.1f} ms (p99), {self.times.worst_ms:.1f} ms at worst"
+            )
             lines.append(f"{self.times.n_turns:,} turns: {took}, {self.times.worst_at}")
         if self.memory_bytes is not None:
             growth = "" if self.growth_bytes is None else f", {self.growth_bytes / 1e6:+.2f} MB a match"
@@ -92,4 +94,6 @@ class Report:
 
 
 def _size(n_bytes: int) -> str:
-    return f"{n_bytes:,} bytes" if n_bytes < 10_000 else f"{n_bytes / 1e3:,.0f} kB" if n_bytes < 1e7 else f"{n_bytes / 1e6:,.0f} MB"
+    return (
+        f"{n_bytes:,} bytes" if n_bytes < 10_000 else f"{n_bytes / 1e3:,.0f} kB" if n_bytes < 1e7 else f"{n_bytes / 1e6:,.0f} MB"
+    )

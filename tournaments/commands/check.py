@@ -10,7 +10,9 @@ from policies.cli import complete_policy
 
 
 def check(
-    bot: Annotated[str, typer.Argument(metavar="BOT", autocompletion=complete_policy, help="A bot file, its folder, or exec:COMMAND.")],
+    bot: Annotated[
+        str, typer.Argument(metavar="BOT", autocompletion=complete_policy, help="A bot file, its folder, or exec:COMMAND.")
+    ],
     rules: Annotated[str, typer.Option(metavar="NAME|FILE.toml", autocompletion=complete_ruleset, help="The ruleset.")] = "paper",
     turn_time: Annotated[float, typer.Option(min=0.01, metavar="SECONDS", help="For each turn, as in a pit.")] = 1.0,
     bank: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="Extra time for a whole match.")] = 10.0,
