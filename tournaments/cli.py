@@ -16,6 +16,7 @@ from tournaments.commands.bench import bench
 from tournaments.commands.check import check
 from tournaments.commands.evaluate import evaluate
 from tournaments.commands.league import leaderboard, tournament
+from tournaments.commands.new import new
 from tournaments.commands.play import play
 from tournaments.commands.serve import serve
 from tournaments.commands.web import web
@@ -29,6 +30,7 @@ COMMANDS: dict[str, Command] = {
     "join": join,
     "keys": keys,
     "leaderboard": leaderboard,
+    "new": new,
     "play": play,
     "policies": policies,
     "replay": replay,
