@@ -22,6 +22,7 @@ from dataclasses import asdict, fields
 from functools import cache
 from typing import IO, Any
 
+from arena import current_call
 from arena.errors import PolicyError
 from arena.game.observation import EnemyUnit, Observation, OwnUnit
 from arena.game.ruleset import to_dict
@@ -30,6 +31,7 @@ from policies.each_seat import MakeBot
 
 PREFIX = "exec:"
 """Stands before a program's command line where a fighter is named."""
+current_call.OURS.add(__file__)  # it waits for its program
 MOST_LINE_BYTES = 1 << 16
 _EXIT_WAIT_S = 1.0
 
