@@ -129,6 +129,8 @@ def _on_the_clock(
     workers: int | None,
 ) -> "PlayMatches":
     """Return what plays as a pit does; `running` closes the processes of the fighters."""
+    from dataclasses import replace
+
     from arena.match.time_control import TimeControl
     from arena.policy import BatchFactory
     from arena.sandbox.limits import BEHIND_A_WALL, NO_LIMITS
@@ -150,8 +152,9 @@ def _on_the_clock(
         running.callback(apart.close)
         apart.prepare()
         fighters[name] = apart
-    given = {} if bank_s is None else {"bank_s": bank_s}
-    time_control = TimeControl(turn_time_s=turn_time_s, **given)
+    time_control = TimeControl(turn_time_s=turn_time_s)
+    if bank_s is not None:
+        time_control = replace(time_control, bank_s=bank_s)
     return lambda ruleset, plans, journals, _: play_timed(ruleset, plans, fighters, time_control, journals=journals)
 
 
