@@ -123,9 +123,18 @@ class GroundMemory:
 
 def format_orders(seen: Observation, orders: bytes) -> str:
     """Return what each unit was told; `orders` is a byte per unit."""
-    words = {int(action): action.name.lower() for action in Action}
     told = zip(seen.units, orders, strict=True)
-    return ", ".join(f"{_name(unit)} {words.get(order, 'nothing') if unit.alive else 'fallen'}" for unit, order in told)
+    return ", ".join(f"{name_unit(unit)} {name_order(order) if unit.alive else 'fallen'}" for unit, order in told)
+
+
+def name_order(order: int) -> str:
+    """Return an order, a byte as transcripts and journals hold it, as a word."""
+    return Action(order).name.lower() if order in tuple(Action) else "nothing"
+
+
+def name_unit(unit: OwnUnit) -> str:
+    """Return a unit's type and number."""
+    return f"{unit.type} {unit.index}"
 
 
 def format_losses(seen: Sequence[Observation]) -> Iterator[str]:
@@ -133,7 +142,7 @@ def format_losses(seen: Sequence[Observation]) -> Iterator[str]:
     for before, after in pairwise(seen):
         for old, new in zip(before.units, after.units, strict=True):
             if old.alive and not new.alive:
-                yield f"tick {after.tick}: {_name(new)} fell at {_place(new)}; in sight before: {_list(before.enemies)}"
+                yield f"tick {after.tick}: {name_unit(new)} fell at {_place(new)}; in sight before: {_list(before.enemies)}"
     yield f"enemies were in sight at {_spans([one.tick for one in seen if one.enemies])}"
 
 
@@ -166,16 +175,12 @@ def format_last_tick(seen: Sequence[Observation], result: "MatchResult") -> str:
     return f"{when} {'; '.join(parts)}"
 
 
-def _name(unit: OwnUnit) -> str:
-    return f"{unit.type} {unit.index}"
-
-
 def _place(unit: OwnUnit | EnemyUnit) -> str:
     return f"({unit.row}, {unit.column})"
 
 
 def _list(units: Sequence[OwnUnit | EnemyUnit]) -> str:
-    named = ((_name(unit) if isinstance(unit, OwnUnit) else unit.type, _place(unit)) for unit in units)
+    named = ((name_unit(unit) if isinstance(unit, OwnUnit) else unit.type, _place(unit)) for unit in units)
     return ", ".join(f"{name} at {place}" for name, place in named) or "nobody"
 
 
