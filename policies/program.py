@@ -3,11 +3,12 @@
     to it    {"type": "start", "team": "red", "ruleset": {...}}
     to it    {"type": "observation", "tick": 0, "ground": [[...]], "grid": [[...]], "units": [...], "enemies": [...], ...}
     from it  [0, 1, 2, 3, 4, 0]                         one action for each of `units`, in their order
+    or       {"orders": [0, 1, ...], "log": ["text"], "draw": [{"cell": [3, 4], "colour": "red", "text": "A"}]}
     to it    {"type": "end", "ending": "capture", "winner": "red", "score": 100, "ticks": 23, "reason": ""}
 
-Every field is named as in `arena.game.observation.Observation`. A program plays match after match, one at a time, until its stdin
-closes. What it writes to stderr is shown. One that ends, or answers nonsense, leaves its units where they are; it is started
-anew for the next match.
+Every field is named as in `arena.game.observation.Observation`; `log` and `draw` are described in `arena.annotations`. A program
+plays match after match, one at a time, until its stdin closes. What it writes to stderr is shown. One that ends, or answers
+nonsense, leaves its units where they are; it is started anew for the next match.
 """
 
 import atexit
@@ -102,10 +103,15 @@ class ProgramBot:
         """Show it what its team sees, and return its answer."""
         self._send(to_json(observation))
         try:
-            return self._running().receive()
+            answer = self._running().receive()
         except ProgramError:
             self._close()
             raise
+        if not isinstance(answer, dict):
+            return answer
+        if observation.annotations is not None:
+            observation.annotations.add(answer)
+        return answer.get("orders")
 
     def end(self, result: MatchResult) -> None:
         """Send how the match ended; the program is kept for the next."""
@@ -166,6 +172,8 @@ def to_json(seen: Observation) -> dict[str, Any]:
     values: dict[str, Any] = {"type": "observation"}
     for field in fields(seen):
         value = getattr(seen, field.name)
+        if field.name == "annotations":
+            continue
         if field.name == "ground":
             values |= {"ground": value.tolist(), "grid": seen.grid.tolist()}
         elif isinstance(value, tuple):

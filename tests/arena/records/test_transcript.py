@@ -181,7 +181,7 @@ def test_a_transcript_that_is_cut_anywhere_is_a_shorter_one_or_says_where(small:
 
 def test_a_transcript_is_whole_only_at_the_end_of_a_record(small: bytes, small_ticks: Ticks) -> None:
     whole = [length for length in range(len(small)) if not is_found_out(small[:length])]
-    record = 1 + 4 + sum(map(len, small_ticks[0]))
+    record = 1 + 4 + sum(map(len, small_ticks[0])) + 4
 
     assert whole == [whole[0] + number * record for number in range(len(small_ticks) + 1)]
 
