@@ -9,7 +9,7 @@ KEYS = (
     ("space", "play, or pause"),
     ("right, left", "the next tick, the one before"),
     ("home, end", "the first tick, the last"),
-    ("n, N", "the next fight, fall or capture, the one before"),
+    ("n, N", "the next fight, fall or capture, the one before; of a transcript, the next loss or change of the score"),
     ("+, -", "faster, slower"),
     ("v", "the next view"),
     ("u", "numbers on the units, or letters"),

@@ -4,8 +4,8 @@ A journal tells all of it. A transcript tells what one seat was shown: its own l
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from arena.game.observation import Observation
 from arena.game.state import StateField
 from arena.game.types import UAVS, UGVS, Team
 from arena.records.journal import Journal, Mark
-from arena.records.replay import replay
+from arena.records.replay import replay as play_again
 from arena.records.transcript import Transcript
 
 Cell = tuple[int, int]
@@ -39,6 +39,8 @@ class Pane:
     """Of the living units whose number this view may know, by where they stand."""
     dimmed: Mask | None = None
     """Cells that are remembered alone."""
+    is_drawn_on: bool = False
+    """Whether it is what the fighter saw that drew."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +82,10 @@ class Scene:
     captured: frozenset[Cell] = _NO_CELLS
     graves: frozenset[Cell] = _NO_CELLS
     """Where units fell at any time."""
+    log: tuple[str, ...] = ()
+    """What the fighter logged whose match is looked at, as it wrote it: not clean."""
+    drawings: Sequence[Mapping[str, Any]] = ()
+    """What it drew, as `arena.annotations` shows it."""
     is_event: bool = False
     """Whether somebody looks for this tick: a fight, a fall, a capture; of a transcript, a loss or another score."""
 
@@ -91,9 +97,7 @@ def pane_of(team: Team) -> str:
 
 def views_of_journal(first: Team) -> tuple[View, ...]:
     """Return the views of a match whose truth is known; `first` is whose view comes first."""
-    own, other = (
-        View(name=team.name.lower(), panes=(pane_of(team), TRUTH), teams=(team,)) for team in (first, first.other)
-    )
+    own, other = (View(name=team.name.lower(), panes=(pane_of(team), TRUTH), teams=(team,)) for team in (first, first.other))
     both = View(name="both", panes=(pane_of(Team.BLUE), pane_of(Team.RED)), teams=tuple(Team))
     return own, other, both, View(name="truth", panes=(TRUTH,), teams=tuple(Team))
 
@@ -108,7 +112,7 @@ def views_of_transcript(team: Team) -> tuple[View, ...]:
 def scenes_of_journal(journal: Journal) -> Iterator[Scene]:
     """Yield every tick, the state after the last among them; raises as `arena.records.replay.replay` does."""
     names = journal.header.blue, journal.header.red
-    for tick, games in enumerate(replay(journal)):
+    for tick, games in enumerate(play_again(journal)):
         record = journal.ticks[tick] if tick < len(journal.ticks) else None
         yield scene_of_game(games, names, None if record is None else record.orders, (0, 0) if record is None else record.marks)
 
@@ -165,7 +169,9 @@ def scenes_of_transcript(transcript: Transcript) -> Iterator[Scene]:
         charged_us = transcript.charges_us[number]
         if charged_us is not None:
             facts += f"   charged {charged_us / 1e6:.3f} s"
-        yield _scene_of_seat(seen, before, memory, transcript.ticks[number][1], f"{clean(seat)}\n{facts}")
+        scene = _scene_of_seat(seen, before, memory, transcript.ticks[number][1], f"{clean(seat)}\n{facts}")
+        notes = transcript.annotations[number]
+        yield replace(scene, log=tuple(notes["log"]), drawings=notes["draw"])
         before = seen
 
 
@@ -185,7 +191,10 @@ def _scene_of_seat(seen: Observation, before: Observation | None, memory: Ground
     return Scene(
         tick=seen.tick,
         title=title,
-        panes={pane_of(seen.team): Pane(grid=grid, numbers=numbers), REMEMBERED: Pane(grid=known, numbers=numbers, dimmed=is_hidden)},
+        panes={
+            pane_of(seen.team): Pane(grid=grid, numbers=numbers, is_drawn_on=True),
+            REMEMBERED: Pane(grid=known, numbers=numbers, dimmed=is_hidden, is_drawn_on=True),
+        },
         units=tuple(units),
         fell=frozenset(one.cell for one in placed if one.fate),
         graves=frozenset(one.cell for one in placed if not one.lives),
@@ -197,7 +206,7 @@ class _Placed(NamedTuple):
     """A unit on the board."""
 
     team: Team
-    index: int
+    number: int
     flies: bool
     cell: Cell
     lives: bool
@@ -208,7 +217,7 @@ def _number(placed: Sequence[_Placed], grid: NDArray[np.int8], teams: tuple[Team
     """Return the numbers of those units of some teams that a board shows; of several in a cell it shows the first."""
     codes = (UGVS, UAVS)
     shown = [one for one in placed if one.lives and one.team in teams and grid[one.cell] == codes[one.flies][one.team]]
-    return {one.cell: one.index for one in reversed(shown)}
+    return {one.cell: one.number for one in reversed(shown)}
 
 
 def _name_mark(mark: Mark) -> str:

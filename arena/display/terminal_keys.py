@@ -39,7 +39,7 @@ def _name(sent: bytes) -> str:
 
 
 @contextmanager
-def keys_at_once(descriptor: int, on_resize: Callable[[], None]) -> Iterator[None]:
+def keys_at_once(descriptor: int, on_resize: Callable[[], object]) -> Iterator[None]:
     """Have a terminal send each key at once, unshown, until the end, however that comes; hear of each change of its size.
 
     Ctrl-C stays Ctrl-C. Ctrl-Z does nothing: a stopped program would leave the terminal as it is. SIGTERM and SIGHUP end the
@@ -50,7 +50,7 @@ def keys_at_once(descriptor: int, on_resize: Callable[[], None]) -> Iterator[Non
         raise SystemExit(128 + number)
 
     before = termios.tcgetattr(descriptor)
-    heard = {number: leave for number in (signal.SIGTERM, signal.SIGHUP)} | {signal.SIGWINCH: lambda *_: on_resize()}
+    heard = dict.fromkeys((signal.SIGTERM, signal.SIGHUP), leave) | {signal.SIGWINCH: lambda *_: on_resize()}
     former = {number: signal.signal(number, handler) for number, handler in heard.items()}
     try:
         tty.setcbreak(descriptor)

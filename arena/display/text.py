@@ -43,6 +43,11 @@ Marks = Mapping[tuple[int, int], tuple[str, str]]
 """By (row, column): what stands there instead of the letter, empty for the letter itself, and a style over the cell's own."""
 
 
+def letter_of(code: int) -> str:
+    """Return the letter of a code of Table 2."""
+    return _LOOKS[Code(code)][0]
+
+
 def draw_board(grid: NDArray[np.int8], *, is_wide: bool, dimmed: Mask | None = None, marks: Marks = _UNMARKED) -> Text:
     """Return a Table 2 board of shape (side, side) as text; wide cells are two columns, and nearly square."""
     text = Text(no_wrap=True)
@@ -113,18 +118,6 @@ class GroundMemory:
         grid = seen.grid
         is_hidden = grid == Code.HIDDEN
         return np.where(is_hidden, self._ground, grid), is_hidden
-
-    def draw_pair(self, title: str, seen: Observation, width: int, aside: str = "", *, height: int | None = None) -> Group:
-        """Return what the seat sees, and beside it the same with the ground that it remembers, dimmed."""
-        known, is_hidden = self.recall(seen)
-        boards = [(f"what {seen.team.name.lower()} sees", seen.grid), ("and remembers", known)]
-        return draw_row(title, boards, width, height=height, dimmed=is_hidden, aside=aside)
-
-
-def format_orders(seen: Observation, orders: bytes) -> str:
-    """Return what each unit was told; `orders` is a byte per unit."""
-    told = zip(seen.units, orders, strict=True)
-    return ", ".join(f"{name_unit(unit)} {name_order(order) if unit.alive else 'fallen'}" for unit, order in told)
 
 
 def name_order(order: int) -> str:
