@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from chromium import WIDTHS, browser, says, visit
+from chromium import REFUSED, WIDTHS, browser, says, visit
 
 from arena.game.types import Action, Team
 from arena.keyring.files import load_or_make_secret
@@ -236,7 +236,7 @@ def test_a_page_that_watches_a_match_outlives_its_web_server(
     page_port = free_port()
     web = ("web", "--pit", f"arena://127.0.0.1:{port}/pit", "--port", page_port, "--data", tmp_path / "web")
     first = start(*web).wait_for("web page at ")
-    page = visit(f"http://127.0.0.1:{page_port}/match/{match}#key={key}", is_server_away=True)
+    page = visit(f"http://127.0.0.1:{page_port}/match/{match}#key={key}", expects=REFUSED)
     says(page, "this page sees it with the spectator key")
 
     first.kill()
