@@ -134,10 +134,10 @@ def test_what_is_too_long_for_a_page_is_said_so(file: Path, tmp_path: Path, monk
 @pytest.mark.parametrize(
     ("data", "sentence"),
     [
-        (b"", "truncated"),
-        (b"\x89PNG\r\n" + bytes(100), "this is not a journal"),
-        (b"ARENA-JOURNAL-9\n" + bytes(9), "the journal has version 9 of its format"),
-        (b"ARENA-TRANSCRIPT-9\n" + bytes(9), "the transcript has version 9 of its format"),
+        (b"", "neither a journal nor a transcript"),
+        (b"\x89PNG\r\n" + bytes(100), "neither a journal nor a transcript"),
+        (b"ARENA-JOURNAL-9\n" + bytes(9), "the journal is of format 9"),
+        (b"ARENA-TRANSCRIPT-9\n" + bytes(9), "the transcript is of format 9"),
     ],
 )
 def test_what_cannot_be_read_is_said_in_one_sentence(data: bytes, sentence: str) -> None:
