@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constr
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help setup tournament test test-full check format layout bench clean
+.PHONY: help setup tournament test test-full check format layout docs bench clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -44,8 +44,11 @@ format: $(READY) ## let ruff rewrite the sources
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-layout: $(READY) ## generate docs/layout.md
+layout: $(READY) ## generate docs/reference/layout.md
 	$(BIN)/python docs/make_layout.py
+
+docs: $(READY) ## build the documentation into build/docs; a warning is an error
+	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs build/docs
 
 bench: $(READY) ## run every benchmark
 	$(BIN)/arena bench --all

@@ -176,5 +176,5 @@ def _toml(facts: Mapping[str, Any]) -> str:
     import tomli_w
 
     title = ": ".join(filter(None, (facts["name"], facts["about"])))
-    head = f"# {title}\n# hash {facts['hash']}\n# each key is explained in docs/rules.md\n\n"
+    head = f"# {title}\n# hash {facts['hash']}\n# each key is explained in docs/reference/rules.md\n\n"
     return head + tomli_w.dumps(facts["rules"], multiline_strings=True)

@@ -9,7 +9,7 @@ Built-in fighters are `BatchPolicy`s: they act for many seats at once. `policies
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -97,6 +97,9 @@ class MatchResult:
         )
 
 
+_MOST_ANSWER_LETTERS = 60
+
+
 class Policy(Protocol):
     """A fighter with memory, for one seat of one match; `start` and `end` may be left out."""
 
@@ -131,6 +134,8 @@ class BatchPolicy(ABC):
 
     is_cheat: ClassVar[bool] = False
     """Whether the local venue shows it the whole board: a reference, never rated, that no other venue seats."""
+    keeps_annotations: bool = False
+    """Set before the first match by whoever takes what the fighter notes of its thinking; without that, it notes nothing."""
 
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int) -> None:
         self.ruleset, self.team, self.n_seats = ruleset, team, n_seats
@@ -149,6 +154,13 @@ class BatchPolicy(ABC):
         """Return what went wrong on `seat` since its match began, and forget it. Our own fighters have no faults."""
         return Faults()
 
+    def take_annotations(self, seat: int) -> bytes:
+        """Return what `seat` noted in the last `act`, as `arena.annotations` packs it, and forget it."""
+        return b""
+
+
+MOST_REASONS = 8
+
 
 @dataclass(slots=True, kw_only=True)
 class Faults:
@@ -158,12 +170,22 @@ class Faults:
     illegal: int = 0
     """Answers that were not one action per unit."""
     first_traceback: str | None = None
+    reasons: dict[str, tuple[str, int]] = field(default_factory=dict)
+    """Why its units stayed: by kind, the sentence of the first time, which names the tick, and how often."""
+
+    def note(self, kind: str, sentence: str, count: int = 1) -> None:
+        """Count a reason; of many kinds, only the first `MOST_REASONS` are kept."""
+        if kind in self.reasons or len(self.reasons) < MOST_REASONS:
+            first, before = self.reasons.get(kind, (sentence, 0))
+            self.reasons[kind] = first, before + count
 
     def add(self, later: "Faults") -> None:
         """Count what went wrong later, too."""
         self.raised += later.raised
         self.illegal += later.illegal
         self.first_traceback = self.first_traceback or later.first_traceback
+        for kind, (sentence, count) in later.reasons.items():
+            self.note(kind, sentence, count)
 
 
 BatchFactory = Callable[[Ruleset, Team, int], BatchPolicy]
@@ -181,3 +203,22 @@ def read_actions(answer: Any, n_units: int) -> NDArray[np.int8] | None:
     if len(values) != n_units or not all(0 <= value <= 4 for value in values):
         return None
     return np.array(values, np.int8)
+
+
+def explain_refusal(answer: Any, n_units: int) -> tuple[str, str]:
+    """Return why an answer that `read_actions` refused is none: the kind of mistake, and a sentence's end that tells it."""
+    if isinstance(answer, str | bytes) or not hasattr(answer, "__iter__"):
+        return "form", f"{_shorten(answer)} is no list of orders"
+    try:
+        orders = list(answer)
+    except Exception:  # noqa: BLE001 - a stranger's iterator may raise anything
+        return "form", f"{_shorten(answer)} is no list of orders"
+    if len(orders) != n_units:
+        return "count", f"{len(orders)} orders for {n_units} units"
+    wrong = next((unit for unit, order in enumerate(orders) if read_actions([order], 1) is None), 0)
+    return "value", f"unit {wrong} is ordered {_shorten(orders[wrong])}, and an order is a number from 0 to 4"
+
+
+def _shorten(answer: Any) -> str:
+    text = " ".join(repr(answer).split())
+    return text if len(text) <= _MOST_ANSWER_LETTERS else text[:_MOST_ANSWER_LETTERS] + "..."

@@ -114,8 +114,9 @@ class Seat:
         return None if self._transcript is None else self._transcript.path
 
     def keep(self, transcript: TranscriptWriter) -> None:
-        """Write what this seat is shown to a transcript."""
+        """Write what this seat is shown, and what its policy notes, to a transcript."""
         self._transcript = transcript
+        self._policy.keeps_annotations = True
 
     def listen(self) -> list[Message]:
         """Take the seat, for the first time or again; return what is to be said, `Ready` once the policy has started."""
@@ -253,7 +254,7 @@ class Seat:
         self._answers.append(self._orders.tobytes() if shown.played is None else shown.played)
         self._head.add(shown.observation)
         if self._transcript is not None:
-            self._transcript.add(shown.observation, self._answers[-1], shown.charged_us)
+            self._transcript.add(shown.observation, self._answers[-1], shown.charged_us, self._policy.take_annotations(0))
 
     def _end(self, ended: Ended) -> None:
         """End the match at once, even if the policy still thinks."""

@@ -1,4 +1,4 @@
-"""Write `docs/layout.md`: a line for every module, which is the first of its docstring. `make layout` runs it."""
+"""Write `docs/reference/layout.md`: a line for every module, which is the first of its docstring. `make layout` runs it."""
 
 import ast
 from collections.abc import Iterator
@@ -32,4 +32,4 @@ def first_line(path: Path) -> str:
 
 
 if __name__ == "__main__":
-    (ROOT / "docs" / "layout.md").write_text(layout(), encoding="utf-8")
+    (ROOT / "docs" / "reference" / "layout.md").write_text(layout(), encoding="utf-8")

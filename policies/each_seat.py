@@ -3,23 +3,29 @@
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import arena.policy
+from arena.annotations import Annotations
 from arena.game.observation import Observation, Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team
-from arena.policy import Act, BatchPolicy, Faults, MatchInfo, MatchResult, Orders, read_actions
+from arena.policy import Act, BatchPolicy, Faults, MatchInfo, MatchResult, Orders, explain_refusal, read_actions
 
 MakeBot = Callable[[], Any]
 """Makes a bot for one seat of one match: anything with `act`, and if it likes `start` and `end`."""
 UNREADABLE = -1
 """Written into all orders of a seat that gave none: its units stay, and the referee counts it."""
 _OURS = {__file__, arena.policy.__file__}
-_MOST_FRAMES, _MOST_LETTERS = 20, 4000
+_MOST_FRAMES, _MOST_LETTERS, _MOST_WORDS_LETTERS = 20, 4000, 200
+
+
+class BotError(Exception):
+    """What went wrong with a bot whose author has nothing of Python's to read: its sentence stands alone, without a traceback."""
 
 
 class EachSeat(BatchPolicy):
@@ -35,6 +41,7 @@ class EachSeat(BatchPolicy):
         self._faults = [Faults() for _ in range(n_seats)]
         self._is_started = np.zeros(n_seats, np.bool_)
         self._is_over = np.zeros(n_seats, np.bool_)
+        self._annotations = [b""] * n_seats
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Make a fresh bot for each of `seats`, and start its match."""
@@ -51,8 +58,12 @@ class EachSeat(BatchPolicy):
             if self._is_over[seat]:
                 orders[seat] = Action.STAY
                 continue
-            actions = self._call(seat, self._actions, seat, observations.seat(seat, self.ruleset), orders.shape[1])
+            annotations = Annotations(self.ruleset.side) if self.keeps_annotations else None
+            observation = observations.seat(seat, self.ruleset, annotations)
+            actions = self._call(seat, self._actions, seat, observation, orders.shape[1], tick=observation.tick)
             orders[seat] = UNREADABLE if actions is None else actions
+            if annotations is not None:
+                self._annotations[seat] = annotations.pack()
 
     def end(self, seat: int, result: MatchResult) -> None:
         """End the match of the bot of `seat`, and drop the bot."""
@@ -65,26 +76,36 @@ class EachSeat(BatchPolicy):
         faults, self._faults[seat] = self._faults[seat], Faults()
         return faults
 
+    def take_annotations(self, seat: int) -> bytes:
+        """Return what the bot of `seat` noted in the last `act`, and forget it."""
+        taken, self._annotations[seat] = self._annotations[seat], b""
+        return taken
+
     def _actions(self, seat: int, observation: Observation, n_units: int) -> NDArray[np.int8] | None:
         bot = self._bots[seat]
         if bot is None:  # its constructor raised, which was shown then
             self._faults[seat].raised += 1
             return None
-        actions = read_actions(bot.act(observation), n_units)
-        self._faults[seat].illegal += actions is None
+        answer = bot.act(observation)
+        actions = read_actions(answer, n_units)
+        if actions is None:
+            kind, why = explain_refusal(answer, n_units)
+            self._faults[seat].illegal += 1
+            self._faults[seat].note(kind, f"tick {observation.tick}: {why}; all its units stay")
         return actions
 
     def _notify(self, seat: int, event: str, message: MatchInfo | MatchResult) -> None:
         if hasattr(self._bots[seat], event):
             self._call(seat, getattr(self._bots[seat], event), message)
 
-    def _call(self, seat: int, method: Callable[..., Any], *arguments: Any) -> Any:
+    def _call(self, seat: int, method: Callable[..., Any], *arguments: Any, tick: int | None = None) -> Any:
         """Return what a method of a bot returns, or None with the fault noted."""
         try:
             return method(*arguments)
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's code may raise anything
             faults = self._faults[seat]
             faults.raised += 1
+            faults.note(*_describe(error, tick))
             if faults.first_traceback is None:
                 faults.first_traceback = _bots_own(error)
             return None
@@ -110,8 +131,21 @@ class EachSeatFactory:
         return EachSeat(ruleset, team, n_seats, make=self.make)
 
 
+def _describe(error: BaseException, tick: int | None) -> tuple[str, str]:
+    """Return what kind of mistake an exception is, by the line of the bot that raised it, and a sentence that tells it."""
+    when = "" if tick is None else f"tick {tick}: "
+    if isinstance(error, BotError):
+        return type(error).__name__, f"{when}{error}; all its units stay"
+    what = " ".join(traceback.format_exception_only(error)[-1].split())[:_MOST_WORDS_LETTERS]
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename not in _OURS]
+    where = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+    return f"{type(error).__name__}{where}", f"{when}{what}{where}; all its units stay"
+
+
 def _bots_own(error: BaseException) -> str:
     """Return the traceback of an error from the first frame that is not ours; no error's text is too long for a journal."""
+    if isinstance(error, BotError):
+        return str(error)
     frames = error.__traceback__
     while frames is not None and frames.tb_frame.f_code.co_filename in _OURS:
         frames = frames.tb_next

@@ -108,7 +108,7 @@ def _fight(game: int, shape: Shape, state: State, tables: Tables, work: NDArray[
 def judge(game: int, shape: Shape, state: State, tables: Tables) -> None:
     """Close the tick: count it, score it, and call the end if it has come.
 
-    Source: paper, Eq. 4 and the text under it; what it leaves open, `docs/rules.md`.
+    Source: paper, Eq. 4 and the text under it; what it leaves open, `docs/reference/rules.md`.
     """
     _, blue, blue_walkers, red, red_walkers = shape
     state.field[game, StateField.TICK] += 1

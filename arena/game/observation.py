@@ -5,12 +5,14 @@ batch of seats of one team, as arrays, for policies that think about a thousand 
 """
 
 from collections import namedtuple
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.annotations import NO_PEN, Annotations, Pen
 from arena.game import observation_fields as of
 from arena.game.observation_fields import FieldSpec
 from arena.game.rules import can_enter, column_after, is_home, is_on_board, row_after
@@ -68,6 +70,68 @@ class Observation:
     """Extra time that this seat has left in this match, in seconds; None where no clock runs."""
     seed: int
     """A fresh 64-bit number at each tick, for this seat alone: the only randomness that replays."""
+    annotations: Annotations | None = field(default=None, repr=False)
+    """Where `log` and `draw` write; None where nobody keeps it."""
+
+    @classmethod
+    def from_board(
+        cls,
+        text: str,
+        *,
+        tick: int = 0,
+        team: Team = Team.BLUE,
+        rules: str | Ruleset = "paper",
+        fallen: Iterable[tuple[int, int]] = (),
+        score: int | None = None,
+        seed: int = 0,
+        clock_s: float | None = None,
+        fog: bool | None = None,
+    ) -> "Observation":
+        """Return what a team is shown on a drawn board: exactly what the game would show it, to try a bot on.
+
+        Parameters
+        ----------
+        text
+            Letters, one a cell: `F U A` blue's flag, UGVs and UAVs, `f u a` red's, `#` an obstacle, `.` land; blue's half is the
+            left one. Indentation and empty lines mean nothing. The board sets the side and the number of units.
+        rules
+            A shipped ruleset by name, a TOML file, or a ruleset; all but the board is taken from it.
+        fallen
+            (row, column) of drawn units, of either team, that have fallen there.
+        score
+            The team's own; without it, the one that follows from who has fallen.
+        seed
+            What `Observation.seed` is to be, below 2**64.
+        clock_s
+            What `Observation.clock_s` is to be.
+        fog
+            False shows the whole board; without it, the rules say.
+
+        Raises
+        ------
+        BoardError
+            The board cannot be played on.
+        ValueError
+            No match is running at this tick, or nobody is drawn where a unit is to have fallen.
+
+        Examples
+        --------
+        >>> seen = Observation.from_board(
+        ...     '''
+        ...     F..f
+        ...     .U.u
+        ...     ....
+        ...     ....
+        ...     ''',
+        ...     tick=12,
+        ...     team=Team.RED,
+        ... )
+        >>> [(unit.type, unit.row, unit.column) for unit in seen.enemies]
+        [('ugv', 1, 1)]
+        """
+        from arena.game.drawn_board import observe_board  # plays with the engine, which is made of this module
+
+        return observe_board(text, tick, team, rules, frozenset(fallen), score, seed, clock_s, fog)
 
     @property
     def grid(self) -> Board:
@@ -95,6 +159,16 @@ class Observation:
         flies = np.array([unit.flies for unit in self.units], np.bool_)
         legal: NDArray[np.bool_] = find_legal_actions(self.ground.reshape(1, -1), side, cells, alive, flies)[0]
         return legal
+
+    def log(self, *values: object) -> None:
+        """Note a line of text for the bot's author, made of `values` as `print` would; see `arena.annotations`."""
+        if self.annotations is not None:
+            self.annotations.log(*values)
+
+    @property
+    def draw(self) -> Pen:
+        """What draws over the board for the bot's author: `cell`, `path`, `heat`."""
+        return NO_PEN if self.annotations is None else self.annotations.draw
 
     def find_flag(self, team: Team) -> tuple[int, int] | None:
         """Return (row, column) of a team's flag, or None while it is out of sight."""
@@ -155,8 +229,8 @@ class Observations:
         """Return the observations of some seats: a slice shares memory, an index array copies."""
         return Observations(team=self.team, side=self.side, **{name: getattr(self, name)[seats] for name in FIELDS})
 
-    def seat(self, seat: int, ruleset: Ruleset) -> Observation:
-        """Return a copy of one seat's observation as a bot gets it."""
+    def seat(self, seat: int, ruleset: Ruleset, annotations: Annotations | None = None) -> Observation:
+        """Return a copy of one seat's observation as a bot gets it; what it notes goes to `annotations`."""
         side, clock_ms = self.side, self.clock_ms.item(seat)
         ground = self.ground[seat, : side * side].reshape(side, side).copy()
         ground.flags.writeable = False
@@ -183,6 +257,7 @@ class Observations:
                 ]
             ),
             clock_s=None if clock_ms == NO_CLOCK_MS else clock_ms / 1000,
+            annotations=annotations,
             **{name: _plain(getattr(self, name), seat) for name in _NUMBERS},
         )
 
@@ -200,7 +275,7 @@ def _read_specs() -> dict[str, FieldSpec]:
 
 FIELDS = _read_specs()
 """The table: what is laid out how, by name, in the order of the wire."""
-_NUMBERS = [field.name for field in fields(Observation) if field.name in FIELDS and field.name != "ground"]
+_NUMBERS = [one.name for one in fields(Observation) if one.name in FIELDS and one.name != "ground"]
 """Fields that `Observation` has under the same name, as a number or a tuple of them."""
 _OF_KERNEL = [name for name, spec in FIELDS.items() if spec.is_of_kernel]
 _KernelFields: Any = namedtuple("_KernelFields", _OF_KERNEL)  # type: ignore[misc]  # mypy wants the names spelled out

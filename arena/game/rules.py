@@ -1,7 +1,7 @@
 """The rules of a tick, each stated once, as functions of plain numbers. Everybody who needs one asks it here.
 
-They run as they stand; `arena.game.compiled` holds the same functions for kernels. `docs/rules.md` says the same in words.
-None calls another, so that each can be compiled alone; those of cells and units also take numpy arrays.
+They run as they stand; `arena.game.compiled` holds the same functions for kernels. `docs/reference/rules.md` says the same in
+words. None calls another, so that each can be compiled alone; those of cells and units also take numpy arrays.
 """
 
 from typing import Any

@@ -39,7 +39,7 @@ Load = Callable[[str], BatchFactory]
 
 BarePlan = tuple[str, str, str, bytes, bytes]
 """A plan as it crosses to another process: as dataclasses, pickling took longer than playing."""
-_BareFaults = tuple[int, int, str | None]
+_BareFaults = tuple[int, int, str | None, dict[str, tuple[str, int]]]
 BareRecord = tuple[str, tuple[int, int, int, int], tuple[_BareFaults, _BareFaults], tuple[int, int], bytes | None]
 """A record as it comes back."""
 _TEAMS = {int(Team.BLUE): Team.BLUE, int(Team.RED): Team.RED, -1: None}
@@ -138,7 +138,7 @@ def play_bare(ruleset: Ruleset, plans: list[BarePlan], load: Load, journals: Pat
     for record in _play_task(ruleset, whole, load, journals):
         result = record.result
         winner = -1 if result.winner is None else int(result.winner)
-        blue, red = ((faults.raised, faults.illegal, faults.first_traceback) for faults in record.faults)
+        blue, red = ((one.raised, one.illegal, one.first_traceback, one.reasons) for one in record.faults)
         played.append(
             (
                 record.plan.identity,
@@ -164,7 +164,7 @@ def dress(played: list[BareRecord], by_identity: Mapping[str, MatchPlan]) -> Ite
 
 
 def _faults(bare: _BareFaults) -> Faults:
-    return Faults(raised=bare[0], illegal=bare[1], first_traceback=bare[2])
+    return Faults(raised=bare[0], illegal=bare[1], first_traceback=bare[2], reasons=bare[3])
 
 
 def _play_task(ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None) -> Iterator[MatchRecord]:

@@ -78,7 +78,13 @@ class FrameReader:
 
     def take_start(self, magic: bytes) -> bytes:
         """Return the packed header, which stands behind the first line."""
-        if self.take(len(magic), "its first line") != magic:
+        first = self.take(len(magic), "its first line")
+        if first != magic:
+            made, _, version = first.rpartition(b"-")
+            if made == magic.rpartition(b"-")[0] and version.strip().isdigit():
+                raise JournalError(
+                    f"the {self._kind} is of format {int(version)}, which this arena does not know; install a newer arena"
+                )
             raise JournalError(f"this is not a {self._kind}: its first line is another")
         if self.take(1, "its header") != b"H":
             raise JournalError(f"the {self._kind} was changed: it does not begin with a header")

@@ -5,11 +5,12 @@ It is the client's own help, without any truth: a disk that fails ends the trans
     magic                                               19 bytes
     "H"  length (uint32)  header (msgpack)              pit, match, seat, rules
     "T"  charged (uint32)  observation  orders          one a tick: what the pit's clock charged for the tick before, in us;
-                                                        as `protocol.observation_codec` packs it; a byte per own unit
+         length (uint32)  annotations                   as `protocol.observation_codec` packs it; a byte per own unit; what the
+                                                        fighter noted, as `arena.annotations` packs it
     "E"  length (uint32)  ending (msgpack)  SHA-256     once the match is over: of all bytes before the hash
 
-Integers are little-endian; 0xFFFFFFFF where it is not known what was charged. Version 1 of the format, which is still read, has
-no charges.
+Integers are little-endian; 0xFFFFFFFF where it is not known what was charged. Versions 1 and 2 of the format, which are still
+read, have no annotations, and version 1 has no charges.
 """
 
 import logging
@@ -23,11 +24,12 @@ from itertools import count
 from pathlib import Path
 from struct import Struct
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 import msgpack
 
+from arena.annotations import read_annotations
 from arena.errors import InputError, JournalError, UnreadableError
 from arena.files import read_file
 from arena.game.observation import Observation
@@ -49,9 +51,9 @@ from arena.records.framing import (
 
 logger = logging.getLogger(__name__)
 
-MAGIC = b"ARENA-TRANSCRIPT-2\n"
-_FIRST_MAGIC = b"ARENA-TRANSCRIPT-1\n"
-_CHARGE = Struct("<I")
+_MAGICS = b"ARENA-TRANSCRIPT-1\n", b"ARENA-TRANSCRIPT-2\n", b"ARENA-TRANSCRIPT-3\n"
+MAGIC = _MAGICS[-1]
+_UINT32 = Struct("<I")
 _NO_CHARGE = 0xFFFFFFFF
 HEAD_BYTES = 32
 _KIND = "transcript"
@@ -140,10 +142,22 @@ class TranscriptWriter:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
-    def add(self, observation: bytes, orders: bytes, charged_us: int = UNKNOWN_US) -> None:
-        """Keep one tick: an observation that could be read, one order per own unit, and what the tick before was charged."""
-        is_known = 0 <= charged_us <= MOST_US
-        self._write(b"T" + _CHARGE.pack(charged_us if is_known else _NO_CHARGE) + observation + orders)
+    def add(self, observation: bytes, orders: bytes, charged_us: int = UNKNOWN_US, annotations: bytes = b"") -> None:
+        """Keep one tick.
+
+        Parameters
+        ----------
+        observation
+            One that could be read.
+        orders
+            A byte per own unit.
+        charged_us
+            What the tick before was charged.
+        annotations
+            What the fighter noted, packed.
+        """
+        charge = charged_us if 0 <= charged_us <= MOST_US else _NO_CHARGE
+        self._write(b"T" + _UINT32.pack(charge) + observation + orders + _UINT32.pack(len(annotations)) + annotations)
 
     def end(self, result: MatchResult) -> None:
         """Keep how the match ended, and close the file; `result.score` is the seat's own."""
@@ -182,6 +196,8 @@ class Transcript:
     """The observation and the orders of each tick, from 0."""
     charges_us: list[int | None]
     """What the pit's clock charged for each tick, in microseconds; None where it is not known, as of the last."""
+    annotations: list[dict[str, Any]]
+    """What the fighter noted on each tick, as `arena.annotations` shows it."""
     ending: MatchResult | None
     """`score` is the seat's own; None if the match went on."""
     is_whole: bool
@@ -211,32 +227,54 @@ def read_transcript(data: bytes) -> Transcript:
         It is truncated within its header, was changed, or is not a transcript; the sentence says where.
     """
     source = FrameReader(data, _KIND)
-    has_charges = not data.startswith(_FIRST_MAGIC)
-    header = TranscriptHeader.unpack(source.take_start(MAGIC if has_charges else _FIRST_MAGIC))
+    version = next((number for number, magic in enumerate(_MAGICS, start=1) if data.startswith(magic)), len(_MAGICS))
+    header = TranscriptHeader.unpack(source.take_start(_MAGICS[version - 1]))
     reader = ObservationReader(header.ruleset, header.team)
-    n_observation, n_orders, n_charge = reader.n_bytes, len(header.ruleset.team(header.team)), _CHARGE.size * has_charges
-    ticks: list[tuple[bytes, bytes]] = []
-    charges: list[int | None] = []
-    while source.peek() == b"T" and source.left > n_charge + n_observation + n_orders:
-        where = f"tick {len(ticks)}"
-        source.take(1, where)
-        (charged_us,) = _CHARGE.unpack(source.take(n_charge, where)) if has_charges else (_NO_CHARGE,)
-        charges.append(None if charged_us == _NO_CHARGE else charged_us)
-        observation = source.take(n_observation, where)
+    ticks: list[_Tick] = []
+    is_cut = False
+    while source.peek() == b"T" and not is_cut:
         try:
-            number = int(reader.read(observation).tick[0])
-        except UnreadableError as error:
-            raise JournalError(f"the transcript was changed: at {where} {error}") from error
-        if number != len(ticks):
-            raise JournalError(f"the transcript was changed: at {where} stands the observation of tick {number}")
-        ticks.append((observation, source.take(n_orders, where)))
-    letter, ending = source.peek(), None
+            ticks.append(_read_tick(source, version, header, reader, len(ticks)))
+        except CutShortError:
+            is_cut = True
+    letter, ending = b"T" if is_cut else source.peek(), None
     if letter not in (b"", b"T", b"E"):
         raise JournalError(f"the transcript was changed: behind {len(ticks)} ticks stands a record that begins with {letter!r}")
     if letter == b"E":
         ending = _read_ending(source, data)
-    charges = [*charges[1:], None] if ticks else []  # each stands with the tick that follows
-    return Transcript(header=header, ticks=ticks, charges_us=charges, ending=ending, is_whole=not letter or ending is not None)
+    return Transcript(
+        header=header,
+        ticks=[(tick.observation, tick.orders) for tick in ticks],
+        charges_us=[*(tick.charged_before_us for tick in ticks[1:]), *([None] if ticks else [])],
+        annotations=[tick.annotations for tick in ticks],
+        ending=ending,
+        is_whole=not letter or ending is not None,
+    )
+
+
+class _Tick(NamedTuple):
+    observation: bytes
+    orders: bytes
+    charged_before_us: int | None
+    """For the tick before."""
+    annotations: dict[str, Any]
+
+
+def _read_tick(source: FrameReader, version: int, header: TranscriptHeader, reader: ObservationReader, expected: int) -> _Tick:
+    where = f"tick {expected}"
+    source.take(1, where)
+    (charged_us,) = _UINT32.unpack(source.take(_UINT32.size, where)) if version > 1 else (_NO_CHARGE,)
+    observation = source.take(reader.n_bytes, where)
+    orders = source.take(len(header.ruleset.team(header.team)), where)
+    packed = source.take_frame(where) if version > 2 else b""
+    try:
+        number = int(reader.read(observation).tick[0])
+        annotations = read_annotations(packed, header.ruleset.side)
+    except UnreadableError as error:
+        raise JournalError(f"the transcript was changed: at {where} {error}") from error
+    if number != expected:
+        raise JournalError(f"the transcript was changed: at {where} stands the observation of tick {number}")
+    return _Tick(observation, orders, None if charged_us == _NO_CHARGE else charged_us, annotations)
 
 
 def _read_ending(source: FrameReader, data: bytes) -> MatchResult | None:
@@ -259,7 +297,7 @@ def _read_ending(source: FrameReader, data: bytes) -> MatchResult | None:
 def is_transcript(path: Path) -> bool:
     """Whether a file begins as a transcript does; not so one that cannot be read."""
     try:
-        return read_file(path).startswith((MAGIC, _FIRST_MAGIC))
+        return read_file(path).startswith(_MAGICS)
     except OSError:
         return False
 

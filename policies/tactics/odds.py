@@ -1,7 +1,7 @@
 """The odds of combat: what going to a cell would cost, and what it would win, as far as the own side sees.
 
-The rules are those of `arena.game.rules`; `docs/rules.md` says them in words. F is what stands for a unit in its fight, E what
-stands against it.
+The rules are those of `arena.game.rules`; `docs/reference/rules.md` says them in words. F is what stands for a unit in its
+fight, E what stands against it.
 """
 
 import numpy as np

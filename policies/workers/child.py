@@ -24,8 +24,9 @@ _FIRST = np.zeros(1, np.intp)
 class _Seat:
     """A policy for one seat of one match."""
 
-    def __init__(self, make: BatchFactory, ruleset: Ruleset, team: Team) -> None:
+    def __init__(self, make: BatchFactory, ruleset: Ruleset, team: Team, *, keeps_annotations: bool) -> None:
         self._policy = make(ruleset, team, 1)
+        self._policy.keeps_annotations = keeps_annotations
         self._reader = ObservationReader(ruleset, team)
         self._orders = np.zeros((1, len(ruleset.team(team))), np.int8)
         self._policy.start(_FIRST)
@@ -38,9 +39,13 @@ class _Seat:
     def end(self, result: MatchResult) -> None:
         self._policy.end(0, result)
 
-    def faults(self) -> list[Any]:
+    def notes(self) -> list[Any]:
+        """Return what an answer holds beside the orders."""
         faults = self._policy.take_faults(0)
-        return [faults.raised, faults.illegal, faults.first_traceback]
+        return [
+            [faults.raised, faults.illegal, faults.first_traceback, faults.reasons],
+            self._policy.take_annotations(0),
+        ]
 
 
 def main() -> None:
@@ -60,12 +65,12 @@ def main() -> None:
     seats: dict[int, _Seat] = {}
     while (message := read_frame(inbox)) is not None:
         match message:
-            case ["start", seat, rules, team]:
-                seats[seat] = _Seat(make, read_rules(rules), Team(team))
-                outbox.write(pack([seat, b"", *seats[seat].faults()]))
+            case ["start", seat, rules, team, keeps]:
+                seats[seat] = _Seat(make, read_rules(rules), Team(team), keeps_annotations=keeps)
+                outbox.write(pack([seat, b"", *seats[seat].notes()]))
             case ["act", seat, data]:
                 orders = seats[seat].act(data)
-                outbox.write(pack([seat, orders, *seats[seat].faults()]))
+                outbox.write(pack([seat, orders, *seats[seat].notes()]))
             case ["end", seat, result]:
                 seats.pop(seat).end(MatchResult.from_dict(result))
 

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_data_path
 
-from arena.errors import InputError, PolicyError
+from arena.annotations import read_annotations
+from arena.errors import InputError, PolicyError, UnreadableError
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, rules_values
 from arena.game.types import Action, Team
@@ -211,6 +212,7 @@ class _Row:
     """Whether its process has said that it is ready for it."""
     is_asked: bool = False
     faults: Faults = field(default_factory=Faults)
+    annotations: bytes = b""
 
 
 class WorkerPolicy(BatchPolicy):
@@ -244,7 +246,7 @@ class WorkerPolicy(BatchPolicy):
         self._await([row for row in self._rows if row is not None], lambda row: row.worker.has_answer(row.number))
         for seat in range(len(observations)):
             row = self._rows[seat]
-            orders[seat] = Action.STAY if row is None else self._take_orders(row, orders.shape[1])
+            orders[seat] = Action.STAY if row is None else self._take_orders(row, orders.shape[1], int(observations.tick[seat]))
 
     def end(self, seat: int, result: MatchResult) -> None:
         """Tell the process how the match ended; returns at once."""
@@ -263,6 +265,24 @@ class WorkerPolicy(BatchPolicy):
         faults, row.faults = row.faults, Faults()
         return faults
 
+    def take_annotations(self, seat: int) -> bytes:
+        """Return what `seat` noted in the last `act`, and forget it; what its process made up is none."""
+        row = self._rows[seat]
+        if row is None:
+            return b""
+        taken, row.annotations = row.annotations, b""
+        return taken
+
+    def _check_annotations(self, row: _Row, annotations: bytes) -> bytes:
+        if not self.keeps_annotations:
+            return b""
+        try:
+            read_annotations(annotations, self.ruleset.side)
+        except UnreadableError as error:
+            row.faults.note("annotations", f"{error}; its orders count")
+            return b""
+        return annotations
+
     def _release(self, seat: int) -> None:
         row, self._rows[seat] = self._rows[seat], None
         if row is not None:
@@ -272,7 +292,7 @@ class WorkerPolicy(BatchPolicy):
         worker = row.worker
         if worker.is_loaded and not row.is_begun:
             row.is_begun = True
-            worker.start(row.number, self._rules, int(self.team))
+            worker.start(row.number, self._rules, int(self.team), keeps_annotations=self.keeps_annotations)
         if not row.is_started and worker.failure is not None:
             row.is_started = True
         elif not row.is_started and row.is_begun and (answer := worker.take(row.number)) is not None:
@@ -290,13 +310,15 @@ class WorkerPolicy(BatchPolicy):
         elif not are_ready():
             raise Thinking
 
-    def _take_orders(self, row: _Row, n_units: int) -> NDArray[np.int8]:
+    def _take_orders(self, row: _Row, n_units: int, tick: int) -> NDArray[np.int8]:
         row.is_asked = False
         answer = row.worker.take(row.number)
         if answer is None:
             row.faults.add(Faults(raised=1, first_traceback=row.worker.failure))
+            row.faults.note("process", f"tick {tick}: {row.worker.failure}; all its units stay")
             return np.full(n_units, UNREADABLE, np.int8)
         row.faults.add(answer.faults)
+        row.annotations = self._check_annotations(row, answer.annotations)
         given = np.frombuffer(answer.orders, np.int8)
         is_legal = given.shape == (n_units,) and bool(((given >= 0) & (given < len(Action))).all())
         return given if is_legal else np.full(n_units, UNREADABLE, np.int8)

@@ -25,7 +25,7 @@ from policies.workers.frames import FrameBuffer, pack
 
 logger = logging.getLogger(__name__)
 _CHUNK = 1 << 16
-_MOST_LETTERS = 4_000
+_MOST_LETTERS, _MOST_WORDS_LETTERS = 4_000, 400
 _MOST_UNREAD_BYTES = 4 << 20
 """Of what it is told, beside what its pipe holds: the observations of many seats at once, and no more."""
 _GOODBYE_S = 1.0
@@ -68,6 +68,7 @@ class Answer:
     """A byte for each unit."""
     faults: Faults
     """Since the answer before."""
+    annotations: bytes
 
 
 class Worker:
@@ -115,10 +116,10 @@ class Worker:
         self._listener = Thread(target=self._listen, name=f"listens to {spec}", daemon=True)
         self._listener.start()
 
-    def start(self, seat: int, rules: dict[str, Any], team: int) -> None:
+    def start(self, seat: int, rules: dict[str, Any], team: int, *, keeps_annotations: bool) -> None:
         """Begin a match under a number that is new."""
         self._answers[seat] = deque()
-        self._send(["start", seat, rules, team], n_answers=1)
+        self._send(["start", seat, rules, team, keeps_annotations], n_answers=1)
 
     def ask(self, seat: int, observation: bytes) -> None:
         """Show a seat an observation."""
@@ -240,14 +241,15 @@ class Worker:
                 self.is_loaded = True
             case ["failed", str(why)]:
                 self.failure = why[:_MOST_LETTERS]
-            case [int(seat), bytes(orders), int(raised), int(illegal), str() | None as traceback]:
+            case [int(seat), bytes(orders), list(told), bytes(annotations)]:
+                faults = _read_faults(told)
                 with self._lock:
                     self._n_owed -= 1
                     if self._n_owed < 0:
                         raise UnreadableError("more answers than questions")
                     answers = self._answers.get(seat)
-                if answers is not None and raised >= 0 and illegal >= 0:  # else of a match that is over
-                    answers.append(Answer(orders, _faults(raised, illegal, traceback)))
+                if answers is not None:  # else of a match that is over
+                    answers.append(Answer(orders, faults, annotations))
             case _:
                 raise UnreadableError("no message that it may write")
 
@@ -291,5 +293,16 @@ class Worker:
             self._on_limit(_WORDS[name])
 
 
-def _faults(raised: int, illegal: int, traceback: str | None) -> Faults:
-    return Faults(raised=raised, illegal=illegal, first_traceback=None if traceback is None else traceback[:_MOST_LETTERS])
+def _read_faults(told: list[Any]) -> Faults:
+    """Return the faults that a stranger has told of itself, none of them too long; `UnreadableError` if they are none."""
+    match told:
+        case [int(raised), int(illegal), str() | None as traceback, dict(reasons)] if raised >= 0 and illegal >= 0:
+            faults = Faults(raised=raised, illegal=illegal, first_traceback=traceback and traceback[:_MOST_LETTERS])
+            for kind, reason in reasons.items():
+                match kind, reason:
+                    case str(), [str(sentence), int(count)] if count > 0:
+                        faults.note(kind[:_MOST_WORDS_LETTERS], sentence[:_MOST_WORDS_LETTERS], count)
+                    case _:
+                        raise UnreadableError("no reason for a fault")
+            return faults
+    raise UnreadableError("no faults")

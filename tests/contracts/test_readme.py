@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 MOST_WORDS = 700
 PAGES = {
     str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
-    for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+    for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
     if path.name != "layout.md"  # made of docstrings
 }
 LINES = "\n".join(PAGES.values()).replace("\\\n", " ").splitlines()
@@ -94,7 +94,7 @@ def test_a_command_that_is_mentioned_has_the_options_that_it_is_mentioned_with(l
 
 
 def test_every_command_has_its_row() -> None:
-    rows = re.findall(r"^\| `arena ([a-z-]+)", PAGES["docs/commands.md"], re.MULTILINE)
+    rows = re.findall(r"^\| `arena ([a-z-]+)", PAGES["docs/reference/commands.md"], re.MULTILINE)
 
     assert set(rows) == set(COMMANDS)
 
@@ -102,7 +102,7 @@ def test_every_command_has_its_row() -> None:
 def test_every_extra_has_its_row() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
 
-    assert set(re.findall(r"^\| `([a-z]+)`", PAGES["docs/install.md"], re.MULTILINE)) == extras.keys() - {"dev"}
+    assert set(re.findall(r"^\| `([a-z]+)`", PAGES["docs/how-to/install.md"], re.MULTILINE)) == extras.keys() - {"dev", "docs"}
 
 
 def test_targets_that_are_named_exist() -> None:
@@ -115,7 +115,7 @@ def test_targets_that_are_named_exist() -> None:
 def test_the_map_of_modules_is_the_one_that_is_generated() -> None:
     made = runpy.run_path(str(ROOT / "docs" / "make_layout.py"))["layout"]()
 
-    assert made == (ROOT / "docs" / "layout.md").read_text(encoding="utf-8"), "run `make layout`"
+    assert made == (ROOT / "docs" / "reference" / "layout.md").read_text(encoding="utf-8"), "run `make layout`"
 
 
 @pytest.mark.parametrize("code", BOTS, ids=lambda code: re.findall(r'"""(\w+)', code)[0])

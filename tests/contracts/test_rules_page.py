@@ -1,4 +1,4 @@
-"""docs/rules.md keeps its word: each of its boards is played, and each key of a ruleset is explained, with its value."""
+"""The rules in words, docs/reference/rules.md: each board is played, and each key of a ruleset is explained, with its value."""
 
 import re
 import tomllib
@@ -16,7 +16,7 @@ from arena.game.observation import Observation
 from arena.game.ruleset import RULESETS, Ruleset, UnitType, load, parse_overrides, to_dict
 from arena.game.types import Action, Code, Team, Termination
 
-PAGE = (Path(__file__).parents[2] / "docs" / "rules.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "rules.md").read_text(encoding="utf-8")
 LETTERS = dict(zip((-1, 0, 1, 2, 3, 4, 5, 6, 7, 8), "?..UAuaFf#", strict=True))
 N_GAMES = 4_000
 

@@ -1,4 +1,4 @@
-"""`docs/rules.md`, read slowly in plain Python: no numpy, no bits, no cleverness. What the kernels must equal.
+"""`docs/reference/rules.md`, read slowly in plain Python: no numpy, no bits, no cleverness. What the kernels must equal.
 
 It was written from the text of the rules, not from the kernels. Where the text leaves a choice open (which word of
 Philox decides what, where a rectangle of even height has its centre), `arena.game.draw` decides.

@@ -337,7 +337,7 @@ def test_the_law_catches_a_leak_through_the_batch_too(field: str) -> None:
 
 
 def test_every_field_has_a_leak() -> None:
-    assert {name.partition(",")[0] for name in SEAT_LEAKS} == {field.name for field in fields(Observation)}
+    assert {name.partition(",")[0] for name in SEAT_LEAKS} == {field.name for field in fields(Observation)} - {"annotations"}
 
 
 def test_looking_changes_nothing() -> None:

@@ -1,4 +1,4 @@
-"""The kernels do what `docs/rules.md` says, as `oracle.py` reads it: any ruleset, any state, any orders."""
+"""The kernels do what `docs/reference/rules.md` says, as `oracle.py` reads it: any ruleset, any state, any orders."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence

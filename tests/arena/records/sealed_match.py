@@ -4,6 +4,7 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+from arena.annotations import read_annotations
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Action, Team
@@ -142,4 +143,8 @@ class Played:
         if result is not None and team is Team.RED:
             result = replace(result, score=-result.score)
         ticks = list(zip(self.shown[team], self.said[team], strict=False))
-        return Transcript(header=header, ticks=ticks, charges_us=[None] * len(ticks), ending=result, is_whole=True)
+        n_ticks = len(ticks)
+        notes = [read_annotations(b"", header.ruleset.side)] * n_ticks
+        return Transcript(
+            header=header, ticks=ticks, charges_us=[None] * n_ticks, annotations=notes, ending=result, is_whole=True
+        )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The odds of combat, on small boards: as `docs/rules.md` counts them."""
+"""The odds of combat, on small boards: as `docs/reference/rules.md` counts them."""
 
 from typing import Any
 

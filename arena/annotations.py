@@ -1,0 +1,208 @@
+"""What a bot notes beside its orders: text, and drawings over its board. For its author's eyes; the pit never gets it.
+
+A bot writes `observation.log("flag at", flag)`, `observation.draw.cell(3, 4, "red", "A")`, `.path(cells)` and `.heat(array)`. Who
+plays the bot decides whether anything is kept (`BatchPolicy.keeps_annotations`). The notes of one tick, as transcripts hold them:
+
+    {"log": ["flag at (3, 4)"],
+     "draw": [{"cell": [3, 4], "colour": "red", "text": "A"},
+              {"path": [[3, 4], [3, 5]], "colour": "yellow"},
+              {"heat": bytes, "colour": "blue"}]}
+
+`heat` is a byte per cell, row by row: 0 is nothing, 255 the highest value. A drawing that cannot be kept, and what is too long,
+costs nobody a tick: a line of the log says so instead.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from operator import index
+from typing import Any
+
+import msgpack
+import numpy as np
+
+from arena.errors import UnreadableError
+
+COLOURS = ("red", "orange", "yellow", "green", "blue", "purple", "black", "white")
+MOST_BYTES = 1 << 14
+"""Of one tick's annotations, packed."""
+_MOST_LETTERS = 4_000
+"""Of one tick's log."""
+_MOST_CELL_LETTERS = 3
+_OVERHEAD_BYTES = 32
+"""Of one line or drawing, beside what it holds."""
+_OURS = "arena: "
+"""Stands before the lines that the arena writes into a log."""
+
+
+class _UnfitError(ValueError):
+    """A drawing that cannot be kept, in a few words."""
+
+
+class Pen:
+    """Draws over the board of one tick; colours are those of `COLOURS`. Without a page to draw on, nothing happens."""
+
+    def __init__(self, page: "Annotations | None") -> None:
+        self._page = page
+
+    def cell(self, row: int, column: int, colour: str = "yellow", text: str = "") -> None:
+        """Colour a cell, and write up to three letters into it."""
+        if self._page is not None:
+            self._page.add_drawing({"cell": (row, column), "colour": colour, "text": text})
+
+    def path(self, cells: Iterable[tuple[int, int]], colour: str = "yellow") -> None:
+        """Draw a line through the centres of cells, each (row, column)."""
+        if self._page is not None:
+            self._page.add_drawing({"path": cells, "colour": colour})
+
+    def heat(self, values: Any, colour: str = "red") -> None:
+        """Shade the board by an array of numbers, shape (side, side): nothing at 0 and below, full at the largest."""
+        if self._page is not None:
+            self._page.add_drawing({"heat": values, "colour": colour})
+
+
+NO_PEN = Pen(None)
+
+
+class Annotations:
+    """What a bot notes on one tick, on a board of `side` by `side` cells."""
+
+    def __init__(self, side: int) -> None:
+        self.draw = Pen(self)
+        self._side = side
+        self._log: list[str] = []
+        self._drawings: list[dict[str, Any]] = []
+        self._n_letters = self._n_bytes = 0
+        self._is_full = False
+
+    def log(self, *values: object) -> None:
+        """Keep a line of text, made of `values` as `print` would."""
+        line = " ".join(map(str, values))
+        left = _MOST_LETTERS - self._n_letters
+        if left <= 0:
+            return
+        self._n_letters += len(line) + 1
+        if len(line) > left:
+            self._log.append(line[:left])
+            self._say(f"the log of one tick has room for {_MOST_LETTERS} letters, so this line of {len(line)} was cut")
+        else:
+            self._log.append(line)
+
+    def add_drawing(self, drawing: Mapping[str, Any]) -> None:
+        """Keep a drawing that is given as one of the module's dictionaries; `heat` may be any array."""
+        try:
+            read = _read_drawing(drawing, self._side)
+        except _UnfitError as error:
+            self._say_once(f"a drawing was left out: {error}")
+            return
+        n_bytes = _OVERHEAD_BYTES + max(len(read.get("heat", b"")), 8 * len(read.get("path", ())))
+        if self._n_bytes + n_bytes > MOST_BYTES // 2:
+            self._say_once(f"the drawings of one tick have room for {MOST_BYTES // 2} bytes; the rest was left out")
+            return
+        self._n_bytes += n_bytes
+        self._drawings.append(read)
+
+    def add(self, notes: Mapping[str, Any]) -> None:
+        """Keep what a program sent: its lines under `log`, a text or a list, and its drawings under `draw`, a list."""
+        lines, drawings = notes.get("log", []), notes.get("draw", [])
+        for line in [lines] if isinstance(lines, str) else lines if isinstance(lines, list) else []:
+            self.log(line)
+        for drawing in drawings if isinstance(drawings, list) else []:
+            if isinstance(drawing, dict):
+                self.add_drawing(drawing)
+            else:
+                self._say_once("a drawing was left out: it is no object with cell, path or heat")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the annotations as plain data, as the module shows it."""
+        return {"log": self._log, "draw": self._drawings}
+
+    def pack(self) -> bytes:
+        """Return the annotations as bytes for `read_annotations`; none if there is nothing."""
+        return bytes(msgpack.packb(self.to_dict())) if self._log or self._drawings else b""
+
+    def _say_once(self, sentence: str) -> None:
+        if _OURS + sentence not in self._log:
+            self._say(sentence)
+
+    def _say(self, sentence: str) -> None:
+        self._log.append(_OURS + sentence)
+        self._n_letters += len(sentence)
+
+
+def read_annotations(data: bytes, side: int) -> dict[str, Any]:
+    """Return what `Annotations.pack` wrote, as plain data.
+
+    Raises
+    ------
+    UnreadableError
+        A stranger wrote something else.
+    """
+    if not data:
+        return {"log": [], "draw": []}
+    if len(data) > MOST_BYTES * 2:  # its letters may take several bytes each
+        raise UnreadableError(f"the annotations of one tick have {len(data)} bytes")
+    try:
+        notes = msgpack.unpackb(data)
+        log, drawings = notes["log"], notes["draw"]
+        if not (isinstance(log, list) and all(isinstance(line, str) for line in log)):
+            raise _UnfitError("a log that is no text")
+        return {"log": log, "draw": [_read_drawing(drawing, side) for drawing in drawings]}
+    except (_UnfitError, ValueError, KeyError, TypeError, msgpack.UnpackException) as error:
+        raise UnreadableError(f"the annotations cannot be read: {error}") from error
+
+
+def _read_drawing(drawing: Mapping[str, Any], side: int) -> dict[str, Any]:
+    """Return a drawing as it is kept; `_UnfitError` if it cannot be."""
+    if not isinstance(drawing, Mapping):
+        raise _UnfitError("it is no drawing")
+    colour = drawing.get("colour", "yellow")
+    if colour not in COLOURS:
+        raise _UnfitError(f"there is no colour {str(colour)[:20]!r}, only {', '.join(COLOURS)}")
+    match drawing:
+        case {"cell": cell}:
+            text = str(drawing.get("text", ""))[:_MOST_CELL_LETTERS]
+            return {"cell": _read_cell(cell, side), "colour": colour, "text": text}
+        case {"path": cells}:
+            return {"path": list(_read_cells(cells, side)), "colour": colour}
+        case {"heat": values}:
+            return {"heat": values if _is_packed_heat(values, side) else _shade(values, side), "colour": colour}
+    raise _UnfitError("it has no cell, no path and no heat")
+
+
+def _read_cell(cell: Any, side: int) -> list[int]:
+    try:
+        row, column = map(index, cell)
+    except TypeError:
+        raise _UnfitError(f"{str(cell)[:40]} is no cell; a cell is a row and a column") from None
+    except ValueError:
+        raise _UnfitError("a cell is a row and a column") from None
+    if not (0 <= row < side and 0 <= column < side):
+        raise _UnfitError(f"row {row}, column {column} lies off the board of {side} by {side}")
+    return [row, column]
+
+
+def _read_cells(cells: Any, side: int) -> Iterator[list[int]]:
+    try:
+        every = iter(cells)
+    except TypeError:
+        raise _UnfitError("a path is a list of cells") from None
+    for number, cell in enumerate(every):
+        if number == side * side:
+            raise _UnfitError(f"a path has {side * side} cells at most")
+        yield _read_cell(cell, side)
+
+
+def _is_packed_heat(values: Any, side: int) -> bool:
+    return isinstance(values, bytes) and len(values) == side * side
+
+
+def _shade(values: Any, side: int) -> bytes:
+    """Return numbers as a byte per cell."""
+    try:
+        given = np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise _UnfitError("heat is an array of numbers") from None
+    if given.size != side * side:
+        raise _UnfitError(f"heat has shape {given.shape}, and the board is {side} by {side}")
+    heat = np.maximum(np.nan_to_num(given.ravel(), nan=0.0, posinf=0.0, neginf=0.0), 0.0)
+    most = heat.max(initial=0.0)
+    return bytes(np.ceil(heat * (255 / most)).astype(np.uint8)) if most > 0 else bytes(side * side)
