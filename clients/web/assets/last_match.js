@@ -5,6 +5,7 @@ import { ask, fill, h, route, setText } from "./dom.js";
 const TICK_MS = 250;
 const PAUSE_TICKS = 12;
 const AGAIN_MS = 5_000;
+const MATCH = /^[\w-]+$/;
 
 export class LastMatch {
   constructor() {
@@ -21,7 +22,7 @@ export class LastMatch {
 
   /** Look for a later match among the pit's results; among the leagues while there is none. */
   async refresh(results) {
-    const wanted = results[0]?.match ?? "";
+    const wanted = results.find(({ match }) => MATCH.test(match))?.match ?? "";
     if (wanted === this.shown || this.isAsking || performance.now() - this.askedAt < AGAIN_MS) return;
     this.isAsking = true;
     const [data, address] = wanted ? await this.ofPit(wanted) : await this.ofLeague();

@@ -40,6 +40,6 @@ function describe(rules) {
         : "Who fights on the enemy's half falls, and nobody falls at home."),
     rules.fog ? h("h2", {}, "Fog") : null,
     rules.fog ? h("p", {}, "A team sees the cells no farther than the sight of one of its living units, and nothing blocks sight. The tick, the score and how many live are known to all.") : null,
-    h("p", { class: "hint" }, "What decides is docs/rules.md of the arena, where each rule stands with drawn examples; arena rules shows every ruleset."),
+    h("p", { class: "hint" }, "What decides is docs/reference/rules.md of the arena, where each rule stands with drawn examples; arena rules shows every ruleset."),
   ].filter(Boolean);
 }
