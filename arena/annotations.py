@@ -144,7 +144,7 @@ def read_annotations(data: bytes, side: int) -> dict[str, Any]:
         notes = msgpack.unpackb(data)
         log, drawings = notes["log"], notes["draw"]
         if not (isinstance(log, list) and all(isinstance(line, str) for line in log)):
-            raise UnreadableError("a log that is no text")
+            raise _UnfitError("a log that is no text")
         return {"log": log, "draw": [_read_drawing(drawing, side) for drawing in drawings]}
     except (_UnfitError, ValueError, KeyError, TypeError, msgpack.UnpackException) as error:
         raise UnreadableError(f"the annotations cannot be read: {error}") from error

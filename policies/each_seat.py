@@ -24,6 +24,10 @@ _OURS = {__file__, arena.policy.__file__}
 _MOST_FRAMES, _MOST_LETTERS, _MOST_WORDS_LETTERS = 20, 4000, 200
 
 
+class BotError(Exception):
+    """What went wrong with a bot whose author has nothing of Python's to read: its sentence stands alone, without a traceback."""
+
+
 class EachSeat(BatchPolicy):
     """One bot per seat and match. What a bot raises, or gives instead of orders, costs its own seat alone.
 
@@ -130,6 +134,8 @@ class EachSeatFactory:
 def _describe(error: BaseException, tick: int | None) -> tuple[str, str]:
     """Return what kind of mistake an exception is, by the line of the bot that raised it, and a sentence that tells it."""
     when = "" if tick is None else f"tick {tick}: "
+    if isinstance(error, BotError):
+        return type(error).__name__, f"{when}{error}; all its units stay"
     what = " ".join(traceback.format_exception_only(error)[-1].split())[:_MOST_WORDS_LETTERS]
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename not in _OURS]
     where = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
@@ -138,6 +144,8 @@ def _describe(error: BaseException, tick: int | None) -> tuple[str, str]:
 
 def _bots_own(error: BaseException) -> str:
     """Return the traceback of an error from the first frame that is not ours; no error's text is too long for a journal."""
+    if isinstance(error, BotError):
+        return str(error)
     frames = error.__traceback__
     while frames is not None and frames.tb_frame.f_code.co_filename in _OURS:
         frames = frames.tb_next

@@ -7,12 +7,14 @@
     to it    {"type": "end", "ending": "capture", "winner": "red", "score": 100, "ticks": 23, "reason": ""}
 
 Every field is named as in `arena.game.observation.Observation`; `log` and `draw` are described in `arena.annotations`. A program
-plays match after match, one at a time, until its stdin closes. What it writes to stderr is shown. One that ends, or answers
-nonsense, leaves its units where they are; it is started anew for the next match.
+plays match after match, one at a time, until its stdin closes. What it writes to stderr is shown. A line on stdout that is not
+JSON, printed to debug perhaps, is shown and skipped, and the next one is read. A program that ends, or answers nonsense, leaves
+its units where they are; it is started anew for the next match.
 """
 
 import atexit
 import json
+import logging
 import os
 import shlex
 import signal
@@ -20,28 +22,60 @@ import subprocess
 from contextlib import suppress
 from dataclasses import asdict, fields
 from functools import cache
+from pathlib import Path
 from typing import IO, Any
 
+from arena.console import clean
 from arena.errors import PolicyError
 from arena.game.observation import EnemyUnit, Observation, OwnUnit
 from arena.game.ruleset import to_dict
 from arena.policy import MatchInfo, MatchResult
-from policies.each_seat import MakeBot
+from policies.each_seat import BotError, MakeBot
 
+logger = logging.getLogger(__name__)
 PREFIX = "exec:"
 """Stands before a program's command line where a fighter is named."""
 MOST_LINE_BYTES = 1 << 16
+MOST_SKIPPED = 100
+"""Lines that are not JSON, before one answer."""
+_MOST_SHOWN = 80
 _EXIT_WAIT_S = 1.0
+_SCRIPTS = {
+    ".bash", ".cjs", ".class", ".dll", ".exs", ".jar", ".jl", ".js", ".lua", ".mjs", ".php", ".pl", ".py", ".pyz", ".r", ".rb",
+    ".sh", ".ts",
+}  # fmt: skip
+"""How the files end that an interpreter is given to run."""
 
 
-class ProgramError(Exception):
+class ProgramError(BotError):
     """A program ended, or wrote what cannot be read; counted against its seat."""
+
+
+class SkippedLines:
+    """Shows the first line of a program that is not JSON, and counts the others."""
+
+    def __init__(self, name: str) -> None:
+        self._name, self._n = name, 0
+
+    def add(self, line: bytes) -> None:
+        """Take one; of those after the first, only the 10th, the 100th and so on are told of."""
+        self._n += 1
+        if self._n == 1:
+            logger.warning("%s wrote a line that is not JSON, which is skipped: %s", self._name, _shown(line))
+        elif str(self._n).strip("0") == "1":
+            logger.warning("%s has written %d lines that are not JSON", self._name, self._n)
+
+
+def _shown(line: bytes) -> str:
+    text = clean(line.decode("utf-8", "replace").strip())
+    return text if len(text) <= _MOST_SHOWN else text[:_MOST_SHOWN] + "..."
 
 
 class Program:
     """A running program."""
 
-    def __init__(self, command: list[str]) -> None:
+    def __init__(self, command: list[str], skipped: SkippedLines | None = None) -> None:
+        self._skipped = skipped or SkippedLines(name_of(shlex.join(command)))
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
         atexit.register(self.close)
 
@@ -61,14 +95,16 @@ class Program:
             raise ProgramError(self._exit_message()) from error
 
     def receive(self) -> Any:
-        """Return the next line, read as JSON."""
-        line = self._pipes[1].readline(MOST_LINE_BYTES)
-        if not line.endswith(b"\n"):
-            raise ProgramError(f"a line has more than {MOST_LINE_BYTES} bytes" if line else self._exit_message())
-        try:
-            return json.loads(line)
-        except (ValueError, RecursionError) as error:
-            raise ProgramError(f"{line[:80]!r} is not JSON") from error
+        """Return the next line that is JSON, read."""
+        for _ in range(MOST_SKIPPED):
+            line = self._pipes[1].readline(MOST_LINE_BYTES)
+            if not line.endswith(b"\n"):
+                raise ProgramError(f"a line has more than {MOST_LINE_BYTES} bytes" if line else self._exit_message())
+            try:
+                return json.loads(line)
+            except (ValueError, RecursionError):
+                self._skipped.add(line)
+        raise ProgramError(f"it wrote {MOST_SKIPPED} lines that are not JSON, and no answer; the last was: {_shown(line)}")
 
     def _exit_message(self) -> str:
         with suppress(subprocess.TimeoutExpired):
@@ -91,9 +127,9 @@ class Program:
 class ProgramBot:
     """One match of a program."""
 
-    def __init__(self, command: list[str], idle: list[Program]) -> None:
+    def __init__(self, command: list[str], idle: list[Program], skipped: SkippedLines | None = None) -> None:
         self._idle = idle
-        self._program: Program | None = idle.pop() if idle else Program(command)
+        self._program: Program | None = idle.pop() if idle else Program(command, skipped)
 
     def start(self, info: MatchInfo) -> None:
         """Send what the match is played under."""
@@ -152,13 +188,29 @@ def load_program(command_line: str) -> MakeBot:
         raise PolicyError(f"the command line {command_line!r} cannot be read: {error}") from error
     if not command:
         raise PolicyError("the command line is empty; name a program")
-    idle = _idle(command_line)
+    idle, skipped = _idle(command_line), _skipped(command_line)
     if not idle:
         try:
-            idle.append(Program(command))
+            idle.append(Program(command, skipped))
         except OSError as error:
             raise PolicyError(f"cannot start {command[0]}: {error.strerror}") from error
-    return lambda: ProgramBot(command, idle)
+    return lambda: ProgramBot(command, idle, skipped)
+
+
+def name_of(command_line: str) -> str:
+    """Return what a program is called that was given no name: its script's name, as in `node bots/fast.js`, else its own."""
+    try:
+        words = shlex.split(command_line)
+    except ValueError:
+        words = command_line.split()
+    scripts = (word for word in words if Path(word).suffix.lower() in _SCRIPTS)
+    return Path(next(scripts, words[0] if words else "")).stem
+
+
+@cache
+def _skipped(command_line: str) -> SkippedLines:
+    """Return the count for all programs of a command line in this process: many play at once, and say the same."""
+    return SkippedLines(name_of(command_line))
 
 
 @cache

@@ -74,7 +74,7 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
 
         return load_learned(Path(spec) if spec.endswith(CHECKPOINT) else shipped()[spec])
     if spec in _installed():
-        return _factory(spec, _loaded(_installed()[spec]))
+        return make_factory(spec, _loaded(_installed()[spec]))
     if spec in NOT_PACKAGED:
         raise PolicyError(NOT_PACKAGED[spec])
     raise UnknownNameError("policy", spec, names())
@@ -140,7 +140,8 @@ def _loaded(entry: EntryPoint) -> Any:
         raise PolicyError(f"the policy {entry.name} ({entry.value}) cannot be loaded: {type(error).__name__}: {error}") from error
 
 
-def _factory(name: str, fighter: Any) -> BatchFactory:
+def make_factory(name: str, fighter: Any) -> BatchFactory:
+    """Return the fighter that a `BatchPolicy`, a class with `act` or a function makes; `PolicyError` if it is none of these."""
     if isinstance(fighter, type):
         if issubclass(fighter, BatchPolicy):
             return fighter

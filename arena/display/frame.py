@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.game.rules import is_in_reach, reach_of, squared_distance
+from arena.game.rules import is_in_reach, is_move, reach_of, squared_distance
 from arena.game.ruleset import Ruleset
-from arena.game.types import Team
+from arena.game.types import Action, Team
 
 Grid = NDArray[np.int8]
 """int8, shape (side, side), codes of Table 2."""
@@ -59,6 +59,7 @@ def describe_tick(
     seen: Sequence[Grid],
     units: Units,
     events: Events,
+    orders: Sequence[str] | None = None,
 ) -> dict[str, Any]:
     """Return one tick.
 
@@ -74,6 +75,8 @@ def describe_tick(
         Of blue, and of red; a fallen unit is where it fell.
     events
         Under "fought", "fell" and "captured" the units to which the tick did that, as (team, index).
+    orders
+        What blue's units are told on this board, and red's, as `orders_to_text` gives it; None where it is not known.
     """
     return {
         "tick": tick,
@@ -83,7 +86,13 @@ def describe_tick(
         "seen": [to_text(grid) for grid in seen],
         "units": [[[row, column, int(alive)] for row, column, alive in team] for team in units],
         "events": {name: [list(unit) for unit in those] for name, those in events.items()},
+        "orders": None if orders is None else list(orders),
     }
+
+
+def orders_to_text(orders: bytes) -> str:
+    """Return a digit for each unit, that of the `Action` which its order comes to: whatever is no move means to stay."""
+    return "".join(str(order if is_move(order) else int(Action.STAY)) for order in orders)
 
 
 def find_events(ruleset: Ruleset, before: Units | None, now: Units) -> Events:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from arena.display.frame import describe_rules, describe_tick
+from arena.display.frame import describe_rules, describe_tick, orders_to_text
 from arena.errors import JournalError
 from arena.game.engine import BatchedGame
 from arena.game.state import StateField
@@ -35,7 +35,8 @@ def describe_match(data: bytes) -> dict[str, Any]:
     ticks: list[dict[str, Any]] = []
     broken = None
     try:
-        ticks.extend(_describe(games) for games in replay(journal))
+        for number, games in enumerate(replay(journal)):
+            ticks.append(_describe(games, journal.ticks[number].orders if number < len(journal.ticks) else None))
         broken = _find_forgery(journal)
     except BrokenChainError as error:
         broken = {"tick": error.tick, "sentence": str(error)}
@@ -61,7 +62,7 @@ def _find_forgery(journal: Journal) -> dict[str, Any] | None:
     return {"tick": len(journal.ticks), "sentence": sentence}
 
 
-def _describe(games: BatchedGame) -> dict[str, Any]:
+def _describe(games: BatchedGame, orders: bytes | None) -> dict[str, Any]:
     state, side = games.state, games.ruleset.side
     field = state.field[0]
     every = [(cell // side, cell % side, bool(alive)) for cell, alive in zip(state.cell[0].tolist(), state.alive[0], strict=True)]
@@ -78,4 +79,5 @@ def _describe(games: BatchedGame) -> dict[str, Any]:
             name: [(int(unit >= n_blue), unit - n_blue * (unit >= n_blue)) for unit in np.flatnonzero(flags[0]).tolist()]
             for name, flags in games.events._asdict().items()
         },
+        orders=None if orders is None else [orders_to_text(orders[:n_blue]), orders_to_text(orders[n_blue:])],
     )

@@ -27,6 +27,7 @@ _LETTERS = {
     "u": Code.RED_UGV,
     "a": Code.RED_UAV,
 }
+_SHOWN = {Code.HIDDEN: "?", Code.BLUE_HALF: ".", Code.RED_HALF: "."} | {code: letter for letter, code in _LETTERS.items()}
 Cell = tuple[int, int]
 """(row, column)."""
 
@@ -74,6 +75,21 @@ def parse_board(text: str) -> Board:
     _check_flags(board)
     _check_ways(board)
     return board
+
+
+def format_board(codes: NDArray[np.int8]) -> str:
+    """Return a board as text: in letters where blue's half is the left one, else in numbers; a hidden cell is a `?`.
+
+    Parameters
+    ----------
+    codes
+        The paper's Table 2, shape (side, side). `parse_board` reads the text again, unless a cell is hidden or a flag covered.
+    """
+    half = len(codes) // 2
+    in_letters = not (codes[:, :half] == Code.RED_HALF).any() and not (codes[:, half:] == Code.BLUE_HALF).any()
+    if in_letters:
+        return "\n".join("".join(_SHOWN[Code(code)] for code in row) for row in codes.tolist())
+    return "\n".join(" ".join("?" if code == Code.HIDDEN else str(code) for code in row) for row in codes.tolist())
 
 
 def _read(cell: str, row: int, column: int, side: int) -> int:

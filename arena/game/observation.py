@@ -5,6 +5,7 @@ batch of seats of one team, as arrays, for policies that think about a thousand 
 """
 
 from collections import namedtuple
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
@@ -71,6 +72,66 @@ class Observation:
     """A fresh 64-bit number at each tick, for this seat alone: the only randomness that replays."""
     annotations: Annotations | None = field(default=None, repr=False)
     """Where `log` and `draw` write; None where nobody keeps it."""
+
+    @classmethod
+    def from_board(
+        cls,
+        text: str,
+        *,
+        tick: int = 0,
+        team: Team = Team.BLUE,
+        rules: str | Ruleset = "paper",
+        fallen: Iterable[tuple[int, int]] = (),
+        score: int | None = None,
+        seed: int = 0,
+        clock_s: float | None = None,
+        fog: bool | None = None,
+    ) -> "Observation":
+        """Return what a team is shown on a drawn board: exactly what the game would show it, to try a bot on.
+
+        Parameters
+        ----------
+        text
+            Letters, one a cell: `F U A` blue's flag, UGVs and UAVs, `f u a` red's, `#` an obstacle, `.` land; blue's half is the
+            left one. Indentation and empty lines mean nothing. The board sets the side and the number of units.
+        rules
+            A shipped ruleset by name, a TOML file, or a ruleset; all but the board is taken from it.
+        fallen
+            (row, column) of drawn units, of either team, that have fallen there.
+        score
+            The team's own; without it, the one that follows from who has fallen.
+        seed
+            What `Observation.seed` is to be, below 2**64.
+        clock_s
+            What `Observation.clock_s` is to be.
+        fog
+            False shows the whole board; without it, the rules say.
+
+        Raises
+        ------
+        BoardError
+            The board cannot be played on.
+        ValueError
+            No match is running at this tick, or nobody is drawn where a unit is to have fallen.
+
+        Examples
+        --------
+        >>> seen = Observation.from_board(
+        ...     '''
+        ...     F..f
+        ...     .U.u
+        ...     ....
+        ...     ....
+        ...     ''',
+        ...     tick=12,
+        ...     team=Team.RED,
+        ... )
+        >>> [(unit.type, unit.row, unit.column) for unit in seen.enemies]
+        [('ugv', 1, 1)]
+        """
+        from arena.game.drawn_board import observe_board  # plays with the engine, which is made of this module
+
+        return observe_board(text, tick, team, rules, frozenset(fallen), score, seed, clock_s, fog)
 
     @property
     def grid(self) -> Board:

@@ -83,7 +83,7 @@ class FrameReader:
             made, _, version = first.rpartition(b"-")
             if made == magic.rpartition(b"-")[0] and version.strip().isdigit():
                 raise JournalError(
-                    f"the {self._kind} has version {int(version)} of its format, which this arena does not know; install a newer one"
+                    f"the {self._kind} is of format {int(version)}, which this arena does not know; install a newer arena"
                 )
             raise JournalError(f"this is not a {self._kind}: its first line is another")
         if self.take(1, "its header") != b"H":

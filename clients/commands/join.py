@@ -65,6 +65,7 @@ def join(
     from clients.runner import Runner
     from clients.settings import ClientSettings
     from policies.precompile import fighter_kernels
+    from policies.program import name_of
     from policies.registry import OWN, check_name
     from policies.registry import load as load_policy
     from policies.workers.policy import WorkerFactory
@@ -77,7 +78,7 @@ def join(
     mailbox = _make_mailbox(autopilot, slots) if is_human else None
     if autopilot and mailbox is None:
         raise InputError("--autopilot is for --policy human")
-    entry = check_chunk("the name", name or Path((program.split() or [policy])[0] if program else policy).stem)
+    entry = check_chunk("the name", name or (name_of(program) if program else Path(policy).stem))
     spec = f"exec:{program}" if program else policy
     n_slots = slots if forever else min(slots, matches)
     workers = None

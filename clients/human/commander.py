@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from arena.game.observation import Observation, OwnUnit
-from arena.game.rules import can_enter
+from arena.game.rules import can_enter, reach_of
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Code, Team
 from clients.human.routes import Cell, Routes, lead
@@ -149,7 +149,8 @@ class Commander:
         is_autopilot = unit.alive and order is None and self._advice is not None
         return UnitView(
             index=unit.index, type=unit.type, cell=(unit.row, unit.column), alive=unit.alive, flies=unit.flies,
-            sight=kind.sight, attack=kind.attack, order=self._describe(unit), action=self._action(unit), target=target,
+            sight=kind.sight, attack=kind.attack, reach=reach_of(kind.attack, self.ruleset.attack_at_range, kind.flies),
+            order=self._describe(unit), action=self._action(unit), target=target,
             route=() if target is None else tuple(self._way(unit, target)[1]), is_fresh=unit.index in self._fresh,
             is_autopilot=is_autopilot,
         )  # fmt: skip

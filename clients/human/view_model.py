@@ -31,6 +31,8 @@ class UnitView:
     sight: int
     """In cells, as `attack`."""
     attack: int
+    reach: int
+    """The greatest squared distance at which it hits, in cells; -1 if it hits nobody."""
     order: str
     """Its order in words."""
     action: Action

@@ -249,6 +249,7 @@ def _describe(picture: ViewModel) -> dict[str, Any]:
                 "alive": unit.alive,
                 "sight": unit.sight,
                 "attack": unit.attack,
+                "reach": unit.reach,
                 "order": unit.order,
                 "action": unit.action.name.lower(),
                 "route": [list(cell) for cell in unit.route],

@@ -30,6 +30,8 @@ PAGES = (
     Page(path="/play", script="play.js", link="Play"),
     Page(path="/league", script="league.js", link="Leaderboard"),
 )
+ABSENT = Page(path="", script="absent.js")
+"""What stands at every other address."""
 QUESTIONS = {
     "lobby": "/api/lobby",
     "replay": "/api/replay/{match}",

@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import asdict, dataclass
 from functools import partial
+from http import HTTPStatus
 from typing import Any
 
 from starlette.applications import Starlette
@@ -31,7 +32,7 @@ from clients.web.guard import LOOPBACK, Guard
 from clients.web.pit import PitClient
 from clients.web.play import BrowserSeat, BrowserSeats, check_fighter, read_wish
 from clients.web.providers import Leagues
-from clients.web.routes import ASSETS, PAGES, QUESTIONS, SOCKETS, Page, render
+from clients.web.routes import ABSENT, ASSETS, PAGES, QUESTIONS, SOCKETS, Page, render
 from policies import registry
 
 logger = logging.getLogger(__name__)
@@ -76,6 +77,7 @@ def make_app(settings: WebSettings) -> Starlette:
             Mount("/assets", StaticFiles(directory=ASSETS)),
         ],
         middleware=[Middleware(Guard, names=settings.names), Middleware(GZipMiddleware, minimum_size=1_000, compresslevel=6)],
+        exception_handlers={HTTPStatus.NOT_FOUND: show_absent},
         lifespan=lifespan,
     )
 
@@ -83,6 +85,13 @@ def make_app(settings: WebSettings) -> Starlette:
 async def show(page: Page, request: Request) -> Response:
     """Answer with a page."""
     return HTMLResponse(render(page, request.path_params))
+
+
+async def show_absent(request: Request, _: Exception) -> Response:
+    """Answer that nothing stands at an address: with a page, or with JSON where only a program asks."""
+    if request.url.path.startswith(("/api/", "/assets/")):
+        return JSONResponse({"error": f"there is no {request.url.path}"}, HTTPStatus.NOT_FOUND)
+    return HTMLResponse(render(ABSENT, {}), HTTPStatus.NOT_FOUND)
 
 
 class Handlers:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 PATIENCE_MS = 60_000
 REFUSED = "net::ERR_CONNECTION_REFUSED"
+ABSENT = "status of 404"
 WIDTHS = (390, 1440)
 
 
@@ -42,24 +43,22 @@ def browser() -> Iterator["Browser"]:
 def visit(browser: "Browser") -> Iterator[Callable[..., "Page"]]:
     """Open pages, each in a browser profile of its own; at the end, nothing may have gone wrong on any of them.
 
-    Nothing may have been written into the console, and nothing asked of another host. A page may be told that its server is going
-    to be away for a while: then the browser notes that it was refused, and that is well.
+    Nothing may have been written into the console but what the test `expects` there, as that a server is away for a while, and
+    nothing asked of another host.
     """
     wrongs: list[str] = []
     hosts: set[str] = set()
     visited: set[str] = set()
     with ExitStack() as open_pages:
 
-        def opened(
-            url: str, *, width: int = 1440, scheme: Any = "light", script: str = "", is_server_away: bool = False
-        ) -> "Page":
+        def opened(url: str, *, width: int = 1440, scheme: Any = "light", script: str = "", expects: str = "") -> "Page":
             context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
             open_pages.callback(context.close)
             page = context.new_page()
             page.set_default_timeout(PATIENCE_MS)
             if script:
                 page.add_init_script(script)
-            page.on("console", lambda message: (is_server_away and REFUSED in message.text) or wrongs.append(message.text))
+            page.on("console", lambda message: (expects and expects in message.text) or wrongs.append(message.text))
             page.on("pageerror", lambda error: wrongs.append(str(error)))
             page.on("request", lambda request: hosts.add(urlsplit(request.url).netloc))
             page.on("websocket", lambda socket: hosts.add(urlsplit(socket.url).netloc))
@@ -75,3 +74,22 @@ def visit(browser: "Browser") -> Iterator[Callable[..., "Page"]]:
 def says(page: "Page", text: str) -> None:
     """Wait until a page says something in its state line."""
     page.locator(".state", has_text=text).wait_for()
+
+
+@pytest.fixture(scope="session")
+def axe() -> Callable[["Page", bool], str]:
+    """Return what axe-core finds wrong on a page, rule by rule; of its colours alone, if it was judged in others before."""
+    if find_spec("axe_playwright_python") is None:
+        if os.environ.get("ARENA_REQUIRE_ALL") == "1":
+            pytest.fail("there is no axe-playwright-python, and ARENA_REQUIRE_ALL=1 allows no test to be skipped")
+        pytest.skip("there is no axe-playwright-python")
+    from axe_playwright_python.sync_playwright import Axe
+
+    judge = Axe()
+
+    def find_faults(page: "Page", colours_alone: bool = False) -> str:
+        options = {"resultTypes": ["violations"]}
+        results = judge.run(page, options=options | ({"runOnly": ["color-contrast"]} if colours_alone else {}))
+        return results.generate_report() if results.violations_count else ""
+
+    return find_faults

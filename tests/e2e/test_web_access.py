@@ -1,20 +1,25 @@
-"""Every page by keyboard alone, and as a screen reader is told of it."""
+"""Every page by keyboard alone, as a screen reader is told of it, as axe-core judges it, and as it fits telephones and desks."""
 
+import json
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.error import HTTPError
+from urllib.request import urlopen
 
 import pytest
-from chromium import browser, says, visit
+from chromium import ABSENT, axe, browser, says, visit
 from commands import run_here
 
 from arena.network.session import free_port
+from arena.records.journal import load_journal
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-__all__ = ["browser", "visit"]
+__all__ = ["axe", "browser", "visit"]
 
 Start = Callable[..., Any]
 CONTROLS = "a[href], button, input, select, summary"
@@ -33,18 +38,48 @@ COUNT = f"""
 NAMELESS = re.compile(r"^\s*- (button|link|textbox|combobox|checkbox|slider|img|table|region)(?! \")", re.MULTILINE)
 LEAGUE = 'pairs = 1\nseed = 3\n[rules]\nside = 10\ntick_limit = 20\n[entries]\nrush = "rush"\nrandom = "random"\n'
 
+WIDTHS = (1280, 390)
+PAGES = {
+    "lobby": ("/", "ann"),
+    "lobby before the first match": ("/", "No match"),
+    "match": ("/match/{match}", "Every tick was played again and holds."),
+    "before a match": ("/play", "Take a seat"),
+    "in a match": ("/play", "Take a seat"),
+    "league": ("/league", "2 of 2 matches"),
+    "absent": ("/nowhere", "There is no such page"),
+}
+"""By name: an address, and what the page says once its data are there."""
 
-@pytest.fixture
-def home(serve: Start, join: Start, tmp_path: Path) -> str:
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("pit")
+
+
+def open_pit(start: Start, folder: Path) -> tuple[Start, str]:
+    """Open a pit with a ladder and a page; return what starts an entry of it, and where the page is."""
+    pit_port, page_port = free_port(), free_port()
+    pit = ("serve", "--listen", f"tcp/127.0.0.1:{pit_port}", "--data", folder, "--seed", 7, "--ladder", "--turn-time", 60)
+    start(*pit, "--web", page_port).wait_for("web page at ")
+    return partial(start, "join", f"arena://127.0.0.1:{pit_port}/pit"), f"http://127.0.0.1:{page_port}"
+
+
+@pytest.fixture(scope="module")
+def home(shared_start: Start, data: Path) -> str:
     """Open a pit with its page, play a league and a match of the ladder; return where the page is."""
-    league, page_port = tmp_path / "friday.toml", free_port()
+    league = data / "friday.toml"
     league.write_text(LEAGUE)
-    run_here("tournament", "run", league, "--data", tmp_path)
-    pit = serve("--web", page_port, "--ladder", "--turn-time", 60).wait_for("web page at ")
+    run_here("tournament", "run", league, "--data", data)
+    join, url = open_pit(shared_start, data)
     players = [join("--policy", "rush", "--name", name) for name in ("ann", "bob")]
     assert [player.finish() for player in players] == [0, 0]
-    pit.wait_for(" wins by ")
-    return f"http://127.0.0.1:{page_port}"
+    return url
+
+
+@pytest.fixture(scope="module")
+def empty_home(shared_start: Start, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Open a pit in which nobody played."""
+    return open_pit(shared_start, tmp_path_factory.mktemp("empty"))[1]
 
 
 def walk(page: "Page") -> None:
@@ -118,3 +153,37 @@ def test_a_seat_is_taken_and_played_by_keyboard_and_told_of(serve: Start, visit:
     page.locator("h1").click()
     page.keyboard.press("Enter")
     page.locator(".score", has_text="tick 1 of 100").first.wait_for()
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_has_no_fault_that_axe_finds_and_fits(
+    name: str, home: str, empty_home: str, data: Path, visit: Start, axe: Callable[["Page", bool], str]
+) -> None:
+    path, text = PAGES[name]
+    match = next(load_journal(path).name for path in (data / "journals").glob("*.journal"))
+    url = empty_home if "before the first" in name else home
+    page = visit(url + path.format(match=match), width=WIDTHS[0], expects=ABSENT if name == "absent" else "")
+    page.get_by_text(text).first.wait_for()
+    if name == "in a match":
+        page.get_by_role("button", name=text).click()
+        page.locator("canvas").wait_for()
+
+    for width in WIDTHS:
+        page.set_viewport_size({"width": width, "height": 900})
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)
+            assert axe(page, scheme == "dark") == "", f"{width} pixels, {scheme}"
+            assert page.evaluate("document.documentElement.scrollWidth") == width
+
+
+def test_an_address_of_nothing_is_answered_with_a_page_and_to_a_program_with_json(empty_home: str) -> None:
+    answers = {}
+    for path in ("/nowhere", "/api/nowhere"):
+        with pytest.raises(HTTPError) as refused:
+            urlopen(empty_home + path)
+        answers[path] = refused.value.code, refused.value.headers.get_content_type(), refused.value.read().decode()
+        refused.value.close()
+
+    assert [answer[:2] for answer in answers.values()] == [(404, "text/html"), (404, "application/json")]
+    assert 'href="/"' in answers["/nowhere"][2]
+    assert json.loads(answers["/api/nowhere"][2]) == {"error": "there is no /api/nowhere"}

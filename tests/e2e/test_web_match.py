@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from chromium import WIDTHS, browser, says, visit
+from chromium import REFUSED, WIDTHS, browser, says, visit
 
-from arena.game.types import Team
+from arena.game.types import Action, Team
 from arena.keyring.files import load_or_make_secret
 from arena.network.session import free_port
 from arena.protocol.identity import to_text
@@ -26,9 +26,12 @@ SIDE = 10
 N_TICKS = 40
 N_LONG = 400
 """More than are played while a web server is killed and started again."""
-SIZES = "[...document.querySelectorAll('canvas')].map(it => [[it.width, it.height], it.clientWidth, it.clientHeight])"
-MOST_OF_WIDTH = 0.55
-"""That a board takes of a telephone's width, and of a desk screen's height."""
+SIZES = """
+[...document.querySelectorAll("figure:not([hidden]) canvas")]
+  .map((it) => [[it.width, it.height], it.clientWidth, it.clientHeight])
+"""
+MOST_OF_WIDTH = 0.5
+"""That a board takes of a telephone's width, and each of three of a desk screen's height."""
 BOT = """
 import threading
 from pathlib import Path
@@ -63,13 +66,15 @@ def find_journal(folder: Path, blue: str) -> Journal:
 def places(journal: Journal, tick: int) -> list[list[str]]:
     """Return the rows that the page's table of units should have at a tick."""
     games = next(game for number, game in enumerate(replay(journal)) if number == tick)
+    orders = journal.ticks[tick].orders if tick < len(journal.ticks) else None
     rows = []
     for team in Team:
         first = games.n_units[Team.BLUE] if team is Team.RED else 0
         for index, kind in enumerate(journal.header.ruleset.team(team)):
             cell, alive = int(games.state.cell[0, first + index]), games.state.alive[0, first + index]
             name = f"{team.name.lower()} {kind.name.upper()} {index}"
-            rows.append([name, str(cell // SIDE), str(cell % SIDE), "lives" if alive else "fallen"])
+            order = "" if orders is None or not alive else Action(orders[first + index]).name.lower()
+            rows.append([name, str(cell // SIDE), str(cell % SIDE), "lives" if alive else "fallen", order])
     return rows
 
 
@@ -143,9 +148,11 @@ def test_a_replay_is_scrubbed_stepped_and_played_by_keys(played: tuple[str, Jour
     assert table_of(page) == places(journal, last // 2)
     page.keyboard.press("End")
     assert table_of(page) == places(journal, last)
+    page.keyboard.press("ArrowUp")
+    assert table_of(page) == places(journal, 0)
+    page.keyboard.press("ArrowDown")
+    assert timeline.input_value() == str(last)
     page.keyboard.press("Home")
-    page.keyboard.press("t")
-    assert page.get_by_role("img").first.get_attribute("aria-label") == "What red sees at tick 0"
     for _ in range(4):
         page.keyboard.press("+")
     assert page.get_by_label("Ticks per second").input_value() == "60"
@@ -161,7 +168,7 @@ def test_pointing_at_a_unit_tells_what_it_can_do(played: tuple[str, Journal], vi
     truth = page.get_by_role("img").nth(1)
     box = truth.bounding_box()
     assert box is not None
-    name, row, column, _ = places(journal, 0)[0]
+    name, row, column, *_ = places(journal, 0)[0]
 
     truth.hover(position={"x": (int(column) + 0.5) * box["width"] / SIDE, "y": (int(row) + 0.5) * box["height"] / SIDE})
 
@@ -229,12 +236,12 @@ def test_a_page_that_watches_a_match_outlives_its_web_server(
     page_port = free_port()
     web = ("web", "--pit", f"arena://127.0.0.1:{port}/pit", "--port", page_port, "--data", tmp_path / "web")
     first = start(*web).wait_for("web page at ")
-    page = visit(f"http://127.0.0.1:{page_port}/match/{match}#key={key}", is_server_away=True)
+    page = visit(f"http://127.0.0.1:{page_port}/match/{match}#key={key}", expects=REFUSED)
     says(page, "this page sees it with the spectator key")
 
     first.kill()
     says(page, "The web server is gone; looking for it...")
-    assert page.locator("canvas").count() == 2
+    assert page.locator("figure canvas").count() == 3
     start(*web).wait_for("web page at ")
     says(page, "this page sees it with the spectator key")
     go.touch()

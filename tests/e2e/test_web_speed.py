@@ -27,15 +27,15 @@ BOT = "def act(observation):\n    return [1 + observation.tick % 4] * len(observ
 FIRST_BOARD = """
 window.firstBoardMs = new Promise((resolve) => {
   const look = () => {
-    const boards = [...document.querySelectorAll("canvas")];
+    const boards = [...document.querySelectorAll("figure canvas")];
     const isDrawn = (board) => board.getContext("2d").getImageData(board.width / 2, board.height / 2, 1, 1).data[3] > 0;
-    if (boards.length === 2 && boards.every(isDrawn)) resolve(performance.now());
+    if (boards.length === 3 && boards.every(isDrawn)) resolve(performance.now());
     else requestAnimationFrame(look);
   };
   requestAnimationFrame(look);
 });
 """
-"""Promises the time when both boards were drawn, in milliseconds since the visit began."""
+"""Promises the time when all boards were drawn, in milliseconds since the visit began."""
 COUNT_FRAMES = """
 () => new Promise((resolve) => {
   const timeline = document.querySelector(".timeline");

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from arena.annotations import read_annotations
 from arena.errors import PolicyError
 from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
@@ -99,7 +100,6 @@ def test_one_process_plays_match_after_match(sit: Sit, games: BatchedGame, tmp_p
 @pytest.mark.parametrize(
     ("answer", "says"),
     [
-        ("print('hello', flush=True)", "is not JSON"),
         ("sys.exit(3)", "the program ended with exit code 3"),
         ("print('1' * 100_000, flush=True)", "a line has more than 65536 bytes"),
     ],
@@ -129,6 +129,18 @@ def test_an_answer_that_is_no_action_for_each_unit_is_counted(sit: Sit, games: B
     assert policy.take_faults(0).illegal == 1
 
 
+@pytest.mark.parametrize("is_kept", [True, False])
+def test_an_answer_may_hold_a_log_and_drawings_beside_the_orders(is_kept: bool, sit: Sit, games: BatchedGame) -> None:
+    drawn = {"cell": [3, 4], "colour": "red", "text": "A"}
+    answer = {"orders": [1] * 6, "log": ["tick", "by tick"], "draw": [drawn]}
+    policy = sit(f"print(json.dumps({answer}), flush=True)")
+    policy.keeps_annotations = is_kept
+
+    assert ask(policy, games) == [1] * 6
+    noted = read_annotations(policy.take_annotations(0), PAPER.side)
+    assert noted == {"log": ["tick", "by tick"] * is_kept, "draw": [drawn] * is_kept}
+
+
 def test_its_children_end_with_it(tmp_path: Path) -> None:
     file = tmp_path / "parent.sh"
     file.write_text("sleep 1000 &\necho $!\nwait\n")
@@ -154,3 +166,48 @@ def test_its_children_end_with_it(tmp_path: Path) -> None:
 def test_a_program_that_cannot_be_started_is_said_before_the_match(line: str, says: str) -> None:
     with pytest.raises(PolicyError, match=says):
         registry.load(f"exec:{line}")
+
+
+def test_lines_that_are_not_json_are_shown_once_and_counted_and_the_program_plays_on(
+    sit: Sit, games: BatchedGame, caplog: pytest.LogCaptureFixture
+) -> None:
+    policy = sit("print('\\x1b[2J' + 'x' * 500, flush=True); print(); print('[0, 1', flush=True); print([1] * 6, flush=True)")
+
+    answers = [ask(policy, games) for _ in range(4)]
+
+    assert answers == [[1] * 6] * 4
+    assert policy.take_faults(0).raised == 0
+    first, tenth = caplog.messages
+    assert first == "bot wrote a line that is not JSON, which is skipped: \\x1b[2J" + "x" * 73 + "..."
+    assert tenth == "bot has written 10 lines that are not JSON"
+
+
+def test_a_program_that_floods_its_stdout_is_ended_with_a_sentence_and_without_a_traceback(
+    sit: Sit, games: BatchedGame, caplog: pytest.LogCaptureFixture
+) -> None:
+    policy = sit("[print('no', number) for number in range(200)]; print([1] * 6, flush=True)")
+
+    assert ask(policy, games) == [UNREADABLE] * 6
+    why = "it wrote 100 lines that are not JSON, and no answer; the last was: no 99"
+    faults = policy.take_faults(0)
+    assert faults.first_traceback == why
+    assert list(faults.reasons.values()) == [(f"tick 0: {why}; all its units stay", 1)]
+    assert ask(policy, games) == [UNREADABLE] * 6
+    assert policy.take_faults(0).first_traceback == "the program ended earlier in this match"
+
+
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("node bots/fast.js", "fast"),
+        ("python3 -u 'my bots/slow.py' --depth 3", "slow"),
+        ("/usr/bin/java -Xmx1g -jar build/Strong.jar", "Strong"),
+        ("./target/release/fast config.json", "fast"),
+        ("deno run --allow-read bot.ts", "bot"),
+        ("fast", "fast"),
+        ("node 'bots/fast.js", "fast"),
+        ("", ""),
+    ],
+)
+def test_a_program_is_named_by_its_script_and_not_by_what_runs_it(line: str, name: str) -> None:
+    assert program.name_of(line) == name

@@ -1,11 +1,13 @@
 """What may stand behind an entry of a league: a policy's name, a file, a program, or a public key that plays from elsewhere."""
 
+import shlex
 from hashlib import sha256
 from pathlib import Path
 
 from arena.errors import InputError
 from arena.files import read_file
 from arena.protocol.identity import from_text
+from policies import program
 from policies.program import PREFIX as PROGRAM
 
 REMOTE = "key:"
@@ -20,8 +22,24 @@ def kind_of_file(spec: str) -> str | None:
 
 
 def name_of(spec: str) -> str:
-    """Return what an entry is called that was given no name: a file's without its ending, else all that is said of it."""
+    """Return what an entry without a name is called: a file or a script without its ending, else all that is said of it."""
+    if spec.startswith(PROGRAM):
+        return program.name_of(spec.removeprefix(PROGRAM)) or spec
     return spec if kind_of_file(spec) is None else Path(spec).stem
+
+
+def find_program(spec: str, folder: Path) -> str:
+    """Return a program such that it is found from anywhere: relative paths of files in its command line begin at `folder`."""
+    try:
+        words = shlex.split(spec.removeprefix(PROGRAM))
+    except ValueError:
+        return spec  # whoever loads it says so
+    found = list(words)
+    for number, word in enumerate(words):
+        path = (folder / word).absolute()
+        if not Path(word).is_absolute() and ("/" in word if number == 0 else path.is_file()):
+            found[number] = str(path)
+    return spec if found == words else PROGRAM + shlex.join(found)
 
 
 def public_key_of(spec: str) -> bytes | None:

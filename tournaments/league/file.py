@@ -20,7 +20,7 @@ from arena.protocol.topics import is_chunk
 from arena.sandbox.limits import MOST, Limits
 from policies.program import PREFIX as PROGRAM
 from policies.registry import names
-from tournaments.league.entries import kind_of_file, name_of, public_key_of
+from tournaments.league.entries import find_program, kind_of_file, name_of, public_key_of
 from tournaments.league.league import BOUNDS, DEFAULT_TERMS, MAPS, PAIRINGS, VENUES, League, LeagueError
 from tournaments.ratings.sprt import Sprt
 
@@ -98,11 +98,13 @@ class _Reader:
             bank_s=self._seconds("bank_s", DEFAULT_TERMS.bank_s),
             grace_s=self._seconds("grace_s", DEFAULT_TERMS.grace_s),
         )
-        entries = self._entries(folder)
+        given = self._given()
+        entries = self._entries(given, folder)
         league = League(
             name=self._name,
             ruleset=self._ruleset(folder),
             entries=entries,
+            commands={name: spec for name, spec in given if name in entries and spec.startswith(PROGRAM)},
             challenger=self._challenger(entries),
             sprt=self._sprt(entries),
             maps=self._one_of("maps", MAPS),
@@ -247,17 +249,19 @@ class _Reader:
             )
         return load_rules(str(folder / name) if name.endswith(".toml") else name).with_(overrides)
 
-    def _entries(self, folder: Path) -> dict[str, str]:
+    def _given(self) -> list[tuple[str, Any]]:
+        """Return the entries as they are written, by name."""
         given = self._values.get("entries")
         if isinstance(given, Mapping):
-            pairs = list(given.items())
-        elif isinstance(given, list):
-            pairs = [(name_of(str(spec)), spec) for spec in given]
-        else:
-            raise self._error('has no entries; name them, as in: entries = ["rush", "mybot.py"]')
+            return list(given.items())
+        if isinstance(given, list):
+            return [(name_of(str(spec)), spec) for spec in given]
+        raise self._error('has no entries; name them, as in: entries = ["rush", "mybot.py"]')
+
+    def _entries(self, given: Iterable[tuple[str, Any]], folder: Path) -> dict[str, str]:
         entries: dict[str, str] = {}
         known = names()
-        for name, spec in pairs:
+        for name, spec in given:
             if not isinstance(spec, str):
                 raise self._error(
                     f"says {name} = {_toml(spec)}; an entry is a policy's name, a file, exec:COMMAND or key:PUBLICKEY, in quotes"
@@ -278,11 +282,13 @@ class _Reader:
             if not path.is_file():
                 raise self._error(f"names the {kind} {spec}, and there is no {path}")
             return str(path)
+        if spec.startswith(PROGRAM):
+            return find_program(spec, folder)
         try:
             is_remote = public_key_of(spec) is not None
         except InputError as error:
             raise self._error(f"names an entry by its key, and {error}") from error
-        if not is_remote and spec not in known and not spec.startswith(PROGRAM):
+        if not is_remote and spec not in known:
             raise UnknownNameError(f"policy in league {self._name}", spec, known)
         return spec
 

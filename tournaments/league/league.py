@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -33,6 +33,8 @@ class League:
     ruleset: Ruleset
     entries: Mapping[str, str]
     """The fighter behind each entry, as `tournaments.league.entries` knows it; files by their full path."""
+    commands: Mapping[str, str] = field(default_factory=dict)
+    """The command lines of programs as the league's file has them, by entry: they are the same wherever its folder lies."""
     n_pairs: int = 10
     """Of each fixture; may be raised while results are stored. The most pairs of a sequential test."""
     challenger: str | None = None
@@ -79,7 +81,7 @@ class League:
         return {
             "ruleset": self.ruleset.name,
             "rules": self.ruleset.hash,
-            "entries": {name: fingerprint_of(spec) for name, spec in sorted(self.entries.items())},
+            "entries": {name: fingerprint_of(self.commands.get(name, spec)) for name, spec in sorted(self.entries.items())},
             "clock": {"turn_time_s": time_control.turn_time_s, "bank_s": time_control.bank_s, "grace_s": time_control.grace_s},
             **({"maps": self.maps} if self.maps != League.maps else {}),
             **({"challenger": self.challenger} if self.challenger is not None else {}),

@@ -54,7 +54,7 @@ rush = "rush"
 patrol = "patrol"
 # mine = "mybot.py"
 # trained = "best.safetensors"
-# other = "exec:java -jar /home/me/other.jar"   # full paths, since it starts in a home of its own; needs maps = "fresh"
+# other = "exec:java -jar other.jar"   # the files that it names begin at this one's folder, too; needs maps = "fresh"
 # far = "key:PUBLICKEY"   # joins by itself, from wherever it is; `arena keys show` prints the key of an entry
 """
 

@@ -29,3 +29,13 @@ export function eventsOf(rules, { units, events }) {
     ],
   };
 }
+
+/** What stands on the timeline, as {at, kind, title}: fights as they begin, and all who fall or capture; at most one of a tick. */
+export function milestonesOf({ rules, ticks }) {
+  return ticks.flatMap((tick, at) => {
+    const { fought, fell, captured } = tick.events;
+    const begins = fought.length && !ticks[at - 1]?.events.fought.length;
+    const kind = captured.length ? "capture" : fell.length ? "fall" : begins ? "fight" : null;
+    return kind ? [{ at, kind, title: `tick ${tick.tick}: ${kind === "fight" ? "a fight begins" : eventsOf(rules, tick).sentences.slice(fought.length ? 1 : 0).join("; ")}` }] : [];
+  });
+}

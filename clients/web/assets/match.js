@@ -1,4 +1,5 @@
 // A match: Figure 2 of the paper, live or replayed. A team's fogged board stands beside the truth.
+import { keepPlace, readPlace } from "./address.js";
 import { TEAMS } from "./board.js";
 import { ask, connect, fill, h, route, setText, signed, spectatorKey, formatEnding } from "./dom.js";
 import { Player } from "./player.js";
@@ -98,12 +99,17 @@ class MatchPage {
     if (!data.ticks.length) return;
     this.player = this.makePlayer(data);
     this.player.isWhole = true;
-    this.player.go(0);
+    this.player.go(readPlace().tick);
   }
 
   makePlayer(data) {
     this.showTitle();
-    return new Player(this.stage, data, (tick) => this.showFacts({ ...tick, names: this.names }));
+    const player = new Player(this.stage, data, {
+      view: readPlace().view,
+      onTick: (tick) => this.showFacts(tick),
+      onMove: () => keepPlace(player.data.ticks[player.at].tick, player.chosen),
+    });
+    return player;
   }
 
   showTitle() {

@@ -165,7 +165,7 @@ class PlayPage {
     this.board.show({
       grid: picture.grid,
       known: this.memory.checked ? picture.known : null,
-      discs: chosen ? [{ cell: chosen.cell, sight: chosen.sight, attack: chosen.attack }] : [],
+      discs: chosen ? [{ cell: chosen.cell, sight: chosen.sight, reach: chosen.reach }] : [],
       routes: chosen?.route.length ? [[chosen.cell, ...chosen.route]] : [],
       numbers: units.flatMap((unit, index) => (unit.alive ? [{ cell: unit.cell, text: `${index}` }] : [])),
       selected: chosen?.cell,

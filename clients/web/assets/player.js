@@ -1,55 +1,141 @@
-// Plays ticks on two boards: a timeline to scrub, step and play, by pointer and by keys.
+// Plays ticks on the boards of both teams and of the truth: scrubbed, stepped and played, by pointer and by keys.
 import { Board, TEAMS } from "./board.js";
 import { h, setText } from "./dom.js";
 import { eventsOf, nameOf, unitsAt } from "./events.js";
+import { KeysDialog, Legend } from "./legend.js";
+import { everyUnit, sceneOf, TRUTH } from "./scene.js";
+import { Timeline } from "./timeline.js";
 
 const SPEEDS = [1, 2, 4, 8, 15, 30, 60];
+const ORDERS = ["stay", "north", "east", "south", "west"];
+const HEATS = ["", "blue", "red", "both"];
+/** From here on all boards stand side by side; `player.css` says the same. */
+const WIDE = matchMedia("(min-width: 900px)");
+const ALL = "all";
+const SWITCHES = { orders: ["o", "Numbers and orders"], trails: ["t", "Trails"], sight: ["s", "Sight"], drawings: ["d", "Drawings"], log: ["l", "Log"] };
+const KEYS = [
+  ["Space", "play or pause"], ["\u2190 \u2192", "a tick back or on"], ["\u2191 \u2193 or Home End", "to the start or the end"], ["+ \u2212", "faster or slower"],
+  ["N P", "to the next event, or the one before"], ["F", "the next view"], ["O", "numbers and orders"], ["T", "trails"], ["S", "what is in sight"],
+  ["H", "where units went"], ["?", "these keys"],
+];
+const BOT_KEYS = [["D", "the bot's drawings"], ["L", "the bot's log"]];
 
 export class Player {
-  /** `data` as the server tells a match; `onTick` hears each tick that is shown. */
-  constructor(stage, data, onTick) {
+  /**
+   * `data` as the server tells a match; of a transcript, with its `team`. `onTick` hears each tick that is shown, and `onMove`
+   * when a person went elsewhere, or plays no longer. `view` is which boards are to be seen: "blue", "truth", "red", "all", or ""
+   * for what there is room for.
+   */
+  constructor(stage, data, { onTick, onMove = () => {}, view = "" }) {
     this.data = data;
     this.onTick = onTick;
+    this.onMove = onMove;
     this.at = -1;
-    this.team = 0;
     this.speed = 8;
     this.isPlaying = false;
     this.isWhole = false; // a replay, to which nothing is added
     this.hovered = null;
     this.followed = null;
-    this.boards = ["what blue sees", "the truth"].map((label) => new Board(data.rules, label));
+    this.isOfBot = data.ticks.some((tick) => tick.annotations);
+    this.layers = { orders: true, trails: false, sight: false, heat: "", drawings: true, log: true };
+    this.views = data.team === undefined ? [TEAMS[0], TRUTH, TEAMS[1]] : [TEAMS[data.team]];
+    this.chosen = [...this.views, ALL].includes(view) ? view : "";
+    this.boards = this.views.map((name) => new Board(data.rules, name));
     this.build(stage);
     this.onKey = (event) => this.press(event);
+    this.onWidth = () => this.showViews();
     document.addEventListener("keydown", this.onKey);
+    WIDE.addEventListener("change", this.onWidth);
   }
 
   build(stage) {
-    this.teamButtons = TEAMS.map((team, index) =>
-      h("button", { type: "button", "aria-pressed": `${index === 0}`, onclick: () => this.choose(index) }, team));
-    this.timeline = h("input", { type: "range", class: "timeline", min: 0, max: 0, value: 0, "aria-label": "Tick", oninput: () => { this.pause(); this.go(Number(this.timeline.value)); } });
+    const button = (text, label, onclick, properties = {}) => h("button", { type: "button", "aria-label": label, title: label, onclick, ...properties }, text);
+    this.timeline = new Timeline((at) => this.jump(at));
     this.playButton = h("button", { type: "button", class: "main", onclick: () => this.toggle() }, "Play");
     this.pace = h("select", { "aria-label": "Ticks per second", onchange: () => { this.speed = Number(this.pace.value); } },
       SPEEDS.map((speed) => h("option", { value: speed, selected: speed === this.speed }, `${speed} ticks/s`)));
     this.tickSays = h("output", { class: "number" });
     this.events = h("p", { class: "events", role: "status" });
     this.rows = h("tbody");
-    const step = (text, label, by) => h("button", { type: "button", "aria-label": label, onclick: () => this.step(by) }, text);
-    const seen = h("figure", {}, h("figcaption", {}, (this.caption = h("span", {}, "What blue sees")), h("span", { class: "controls" }, this.teamButtons)), this.boards[0].canvas);
-    const truth = h("figure", {}, h("figcaption", {}, h("span", {}, "The truth")), this.boards[1].canvas);
+    this.viewButtons = (this.views.length > 1 ? [...this.views, ALL] : []).map((name) =>
+      h("button", { type: "button", class: name, onclick: () => this.choose(name) }, name === TRUTH ? "truth" : name));
+    this.switches = Object.entries(SWITCHES).filter(([name]) => this.isOfBot || !["drawings", "log"].includes(name)).map(([name, [key, label]]) =>
+      h("button", { type: "button", title: `${label} (${key.toUpperCase()})`, onclick: () => this.switch(name) }, label));
+    this.heat = this.views.includes(TRUTH) ? h("select", { "aria-label": "Where units went", onchange: () => this.warm(this.heat.value) },
+      HEATS.map((team) => h("option", { value: team }, team ? `Where ${team === "both" ? "both" : team} went` : "No heat map"))) : null;
+    this.log = h("ol", { class: "log", "aria-label": "The bot's log" });
+    this.keys = new KeysDialog([...KEYS, ...(this.isOfBot ? BOT_KEYS : [])]);
+    this.figures = this.boards.map((board, index) => h("figure", {}, h("figcaption", {}, this.captionOf(this.views[index])), board.canvas));
+    this.boardRow = h("div", { class: "boards" }, this.figures, this.isOfBot ? this.log : null);
     stage.append(
-      h("div", { class: "controls" }, this.playButton, step("\u25c0", "One tick back", -1), step("\u25b6", "One tick on", 1), this.timeline, this.tickSays, this.pace),
+      this.viewButtons.length ? h("div", { class: "controls views", role: "group", "aria-label": "View" }, this.viewButtons) : "",
+      this.boardRow,
+      this.timeline.element,
+      h("div", { class: "controls transport" }, this.playButton,
+        button("\u21e4", "To the event before", () => this.seek(-1)), button("\u25c0", "One tick back", () => this.step(-1)),
+        button("\u25b6", "One tick on", () => this.step(1)), button("\u21e5", "To the next event", () => this.seek(1)),
+        this.tickSays, this.pace, button("?", "Keys", () => this.keys.toggle(), { class: "keys" })),
       this.events,
-      h("div", { class: "boards" }, seen, truth),
-      h("p", { class: "legend" }, ...["U u UGV", "A a UAV", "pennant: flag", "grey: obstacle", "hatched: fog", "frame: in a fight", "cross: fell", "ring: flag captured"].map((text) => h("span", {}, text))),
-      h("p", { class: "hint" }, "Capitals are blue's, small letters red's. Point at a unit, or go to it in the table, for its sight and attack. Keys: ",
-        ...[["Space", "play"], ["\u2190 \u2192", "step"], ["Home End", "ends"], ["+ \u2212", "speed"], ["T", "team"]].flatMap(([key, what]) => [h("kbd", {}, key), ` ${what} `])),
+      h("div", { class: "controls layers", role: "group", "aria-label": "Shown on the boards" }, this.switches, this.heat),
+      new Legend(this.isOfBot).element,
       h("details", {}, h("summary", {}, "Units as a table"), h("div", { class: "scroll" }, h("table", { "aria-label": "Units" },
-        h("thead", {}, h("tr", {}, ...["Unit", "Row", "Column", "State"].map((name) => h("th", { scope: "col" }, name)))), this.rows))));
+        h("thead", {}, h("tr", {}, ...["Unit", "Row", "Column", "State", "Order"].map((name) => h("th", { scope: "col" }, name)))), this.rows))),
+      this.keys.element);
     for (const board of this.boards) {
       board.canvas.addEventListener("pointermove", (event) => this.hover(board.cellAt(event.clientX, event.clientY)));
       board.canvas.addEventListener("pointerdown", (event) => this.hover(board.cellAt(event.clientX, event.clientY)));
       board.canvas.addEventListener("pointerleave", () => this.hover(null));
     }
+    this.showSwitches();
+    this.showViews();
+  }
+
+  captionOf(view) {
+    return view === TRUTH ? "The truth" : `What ${view} sees`;
+  }
+
+  /** Which boards are seen: where there is no room for all, one. */
+  get view() {
+    if (this.views.length === 1) return this.views[0];
+    return this.chosen && (this.chosen !== ALL || WIDE.matches) ? this.chosen : WIDE.matches ? ALL : TRUTH;
+  }
+
+  showViews() {
+    const { view } = this;
+    this.figures.forEach((figure, index) => { figure.hidden = view !== ALL && this.views[index] !== view; });
+    this.boardRow.classList.toggle("one", view !== ALL);
+    this.viewButtons.forEach((button) => button.setAttribute("aria-pressed", `${button.classList.contains(view)}`));
+    this.draw();
+  }
+
+  choose(view) {
+    this.chosen = view;
+    this.showViews();
+    this.onMove();
+  }
+
+  /** Go to the view behind this one, as there is room. */
+  flip() {
+    const names = WIDE.matches ? [...this.views, ALL] : this.views;
+    if (this.views.length > 1) this.choose(names[(names.indexOf(this.view) + 1) % names.length]);
+  }
+
+  switch(name) {
+    this.layers[name] = !this.layers[name];
+    this.showSwitches();
+    this.draw();
+  }
+
+  warm(team) {
+    this.layers.heat = team;
+    if (this.heat) this.heat.value = team;
+    this.draw();
+  }
+
+  showSwitches() {
+    const names = Object.keys(SWITCHES);
+    this.switches.forEach((button, index) => button.setAttribute("aria-pressed", `${this.layers[names[index]]}`));
+    this.log.hidden = !this.layers.log;
   }
 
   /** Add a tick of a match that runs; the page follows unless it looks at an earlier one. */
@@ -59,34 +145,39 @@ export class Player {
     if (tick.tick <= last) return;
     const follows = this.at === ticks.length - 1;
     ticks.push(tick);
-    this.timeline.max = ticks.length - 1;
+    this.timeline.measure(this.data);
     if (follows) this.go(ticks.length - 1);
   }
 
   go(index) {
     const { ticks } = this.data;
-    this.timeline.max = ticks.length - 1;
+    this.timeline.measure(this.data);
     this.at = Math.max(0, Math.min(index, ticks.length - 1));
-    this.timeline.value = this.at;
+    this.timeline.slider.value = this.at;
     this.draw();
     this.onTick(ticks[this.at]);
   }
 
-  step(by) {
+  /** Go to a tick, and stay there. */
+  jump(index) {
     this.pause();
-    this.go(this.at + by);
+    this.go(index);
+    this.onMove();
   }
 
-  choose(team) {
-    this.team = team;
-    this.teamButtons.forEach((button, index) => button.setAttribute("aria-pressed", index === team));
-    setText(this.caption, `What ${TEAMS[team]} sees`);
-    this.draw();
+  step(by) {
+    this.jump(this.at + by);
+  }
+
+  seek(by) {
+    const at = this.timeline.find(this.at, by);
+    if (at !== null) this.jump(at);
   }
 
   toggle() {
     if (this.isPlaying) {
       this.pause();
+      this.onMove();
       return;
     }
     if (this.at >= this.data.ticks.length - 1) this.go(0);
@@ -101,8 +192,12 @@ export class Player {
         due += (n * 1000) / this.speed;
         this.go(this.at + n);
       }
-      if (this.at >= this.data.ticks.length - 1) this.pause();
-      else requestAnimationFrame(run);
+      if (this.at < this.data.ticks.length - 1) {
+        requestAnimationFrame(run);
+        return;
+      }
+      this.pause();
+      this.onMove();
     };
     requestAnimationFrame(run);
   }
@@ -117,6 +212,7 @@ export class Player {
   stop() {
     this.isPlaying = false;
     document.removeEventListener("keydown", this.onKey);
+    WIDE.removeEventListener("change", this.onWidth);
   }
 
   hover(cell) {
@@ -134,19 +230,29 @@ export class Player {
   press(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input:not([type=range]), select, textarea")) return;
     const isButton = event.target.closest("button, summary, a") !== null;
+    const last = this.data.ticks.length;
     const keys = {
       " ": () => this.toggle(),
       ArrowLeft: () => this.step(-1),
       ArrowRight: () => this.step(1),
-      Home: () => this.step(-this.data.ticks.length),
-      End: () => this.step(this.data.ticks.length),
+      ArrowUp: () => this.jump(0),
+      ArrowDown: () => this.jump(last),
+      Home: () => this.jump(0),
+      End: () => this.jump(last),
       "+": () => this.shift(1),
+      "=": () => this.shift(1), // where + needs Shift
       "-": () => this.shift(-1),
-      t: () => this.choose(1 - this.team),
+      n: () => this.seek(1),
+      p: () => this.seek(-1),
+      f: () => this.flip(),
+      h: () => this.heat && this.warm(HEATS[(HEATS.indexOf(this.layers.heat) + 1) % HEATS.length]),
+      "?": () => this.keys.toggle(),
     };
-    if (!keys[event.key] || (isButton && event.key === " ")) return;
+    for (const [name, [letter]] of Object.entries(SWITCHES)) keys[letter] = () => this.switch(name);
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (!keys[key] || (isButton && key === " ") || (this.keys.element.open && key !== "?")) return;
     event.preventDefault();
-    keys[event.key]();
+    keys[key]();
   }
 
   shift(by) {
@@ -158,37 +264,34 @@ export class Player {
     const { rules, ticks } = this.data;
     const tick = ticks[this.at];
     if (!tick) return;
-    const { marks, sentences } = eventsOf(rules, tick);
-    const cell = this.hovered ?? (this.followed === null ? null : this.units(tick)[this.followed].cell);
-    const units = cell ? unitsAt(rules, tick, cell) : [];
-    const discs = units.map(({ kind }) => ({ cell, sight: kind.sight, attack: kind.attack }));
-    const isSeen = ({ cell: [row, column] }) => tick.seen[this.team][row * rules.side + column] !== "?";
-    this.boards[0].show({ grid: tick.seen[this.team], marks: marks.filter(isSeen), discs: discs.filter(isSeen) });
-    this.boards[1].show({ grid: tick.truth, marks, discs });
-    this.boards[0].label(`What ${TEAMS[this.team]} sees at tick ${tick.tick}`);
-    this.boards[1].label(`The truth at tick ${tick.tick}: blue has ${tick.living[0]} units, red ${tick.living[1]}`);
+    const followed = this.followed === null ? null : everyUnit(tick)[this.followed].cell;
+    const cell = this.hovered ?? followed;
+    this.boards.forEach((board, index) => {
+      const view = this.views[index];
+      if (this.figures[index].hidden) return;
+      board.show(sceneOf(this.data, this.at, view, this.layers, cell));
+      board.label(`${this.captionOf(view)} at tick ${tick.tick}${view === TRUTH ? `: blue has ${tick.living[0]} units, red ${tick.living[1]}` : ""}`);
+    });
     setText(this.tickSays, `${tick.tick} / ${ticks.at(-1).tick}`);
-    const pointed = units.map(({ team, index, kind }) => `${nameOf(rules, team, index)}: sight ${kind.sight}, attack ${kind.attack}, step ${kind.step}`);
-    setText(this.events, [...pointed, ...sentences].join("; "));
+    const pointed = (cell ? unitsAt(rules, tick, cell) : []).map(({ team, index, kind }) => `${nameOf(rules, team, index)}: sight ${kind.sight}, attack ${kind.attack}, step ${kind.step}`);
+    setText(this.events, [...pointed, ...eventsOf(rules, tick).sentences].join("; "));
+    if (this.isOfBot) this.log.replaceChildren(...(tick.annotations?.log ?? []).map((line) => h("li", {}, line)));
     if (!this.isPlaying) this.fillTable();
-  }
-
-  /** Every unit of a tick, blue's first. */
-  units(tick) {
-    return tick.units.flatMap((units, team) => units.map(([row, column, alive], index) => ({ team, index, cell: [row, column], alive })));
   }
 
   /** Each unit is a button, which shows by keyboard what pointing at the unit shows. Rows stay, so that focus does. */
   fillTable() {
     const { rules, ticks } = this.data;
-    const units = this.units(ticks[this.at]);
+    const tick = ticks[this.at];
+    const units = everyUnit(tick);
     if (!this.rows.children.length) {
       this.rows.append(...units.map(({ team, index }, number) => h("tr", {},
         h("th", { scope: "row", class: TEAMS[team] }, h("button", { type: "button", onfocus: () => this.follow(number), onblur: () => this.follow(null) }, nameOf(rules, team, index))),
-        h("td", { class: "number" }), h("td", { class: "number" }), h("td"))));
+        h("td", { class: "number" }), h("td", { class: "number" }), h("td"), h("td"))));
     }
-    units.forEach(({ cell: [row, column], alive }, number) => {
-      [`${row}`, `${column}`, alive ? "lives" : "fallen"].forEach((text, at) => setText(this.rows.children[number].cells[at + 1], text));
+    units.forEach(({ team, index, cell: [row, column], alive }, number) => {
+      const order = alive && tick.orders ? ORDERS[tick.orders[team][index]] : "";
+      [`${row}`, `${column}`, alive ? "lives" : "fallen", order].forEach((text, at) => setText(this.rows.children[number].cells[at + 1], text));
     });
   }
 }

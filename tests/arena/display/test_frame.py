@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from worlds import lay, random_orders, rules_for
 
-from arena.display.frame import describe_rules, find_events
+from arena.display.frame import describe_rules, find_events, orders_to_text
 from arena.game.engine import BatchedGame
 from arena.game.ruleset import load
 from arena.game.types import Team
@@ -64,3 +64,7 @@ def test_the_rules_say_how_far_each_type_hits(name: str, reach: int) -> None:
     kinds = json.loads(json.dumps(describe_rules(load(name))))["kinds"]
 
     assert (kinds["ugv"]["reach"], kinds["uav"]["reach"]) == (reach, -1)
+
+
+def test_an_order_is_told_as_what_it_comes_to() -> None:
+    assert orders_to_text(bytes([0, 1, 2, 3, 4, 5, 255])) == "0123400"

@@ -36,6 +36,8 @@ def test_every_tick_is_told_as_it_was(file: Path) -> None:
     assert journal.ending is not None
     assert told["ending"] == journal.ending.to_dict()
     assert len(told["ticks"]) == len(journal.ticks) + 1
+    told_orders = [tick["orders"] and "".join(tick["orders"]) for tick in told["ticks"]]
+    assert told_orders == [*("".join(map(str, tick.orders)) for tick in journal.ticks), None]
     living = [[1] * 6] * 2
     for tick, games in zip(told["ticks"], replay(journal), strict=True):
         before, living = living, [[alive for _, _, alive in team] for team in tick["units"]]

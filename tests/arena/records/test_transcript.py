@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from worlds import SEEDS, lay, random_orders, rules_for, rulesets, scatter, settle
 
+from arena.annotations import Annotations
 from arena.errors import InputError, JournalError
 from arena.game.engine import BatchedGame
 from arena.game.observation import NO_CLOCK_MS
@@ -273,17 +274,47 @@ def test_no_charge_that_is_told_breaks_a_transcript(tmp_path: Path, small_ticks:
     assert load_transcript(tmp_path / "seat").charges_us == [None] * 4
 
 
-def test_a_transcript_of_the_first_version_is_read(small: bytes, small_ticks: Ticks) -> None:
-    record, start = 1 + 4 + sum(map(len, small_ticks[0])), small.index(b"T" + b"\xff" * 4 + small_ticks[0][0])
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_transcript_of_an_earlier_version_is_read(version: int, small: bytes, small_ticks: Ticks) -> None:
+    record, start = 1 + 4 + sum(map(len, small_ticks[0])) + 4, small.index(b"T" + b"\xff" * 4 + small_ticks[0][0])
     ticks = [small[start + number * record :][:record] for number in range(len(small_ticks))]
     rest = small[start + len(ticks) * record : -HEAD_BYTES]
-    old = small[:start].replace(b"TRANSCRIPT-2", b"TRANSCRIPT-1") + b"".join(b"T" + tick[5:] for tick in ticks) + rest
+    magic, n_charge = b"TRANSCRIPT-%d" % version, 4 * (version - 1)
+    records = (b"T" + tick[1:][:n_charge] + tick[5:-4] for tick in ticks)
+    old = small[:start].replace(b"TRANSCRIPT-3", magic) + b"".join(records) + rest
 
     read = read_transcript(old + sha256(old).digest())
 
     assert (read.ticks, read.ending, read.is_whole) == (small_ticks, RESULT, True)
     assert read.charges_us == [None] * len(small_ticks)
+    assert read.annotations == [{"log": [], "draw": []}] * len(small_ticks)
     assert read.head == read_transcript(small).head
+
+
+def test_what_a_fighter_noted_is_kept_with_its_tick(tmp_path: Path, small_ticks: Ticks) -> None:
+    noted = Annotations(SMALL.side)
+    noted.log("here I stand")
+    noted.draw.path([(0, 0), (0, 1)], "red")
+    with TranscriptWriter(tmp_path / "seat", header_of(SMALL, Team.BLUE)) as transcript:
+        for number, tick in enumerate(small_ticks):
+            transcript.add(*tick, annotations=noted.pack() if number == 2 else b"")
+
+    nothing = {"log": [], "draw": []}
+    drawn = {"log": ["here I stand"], "draw": [{"path": [[0, 0], [0, 1]], "colour": "red"}]}
+    assert load_transcript(tmp_path / "seat").annotations == [nothing, nothing, drawn, nothing]
+
+
+def test_annotations_that_were_changed_are_named_with_their_tick(tmp_path: Path, small_ticks: Ticks) -> None:
+    with TranscriptWriter(tmp_path / "seat", header_of(SMALL, Team.BLUE)) as transcript:
+        transcript.add(*small_ticks[0], annotations=b"junk")
+
+    with pytest.raises(JournalError, match="changed: at tick 0 the annotations cannot be read"):
+        load_transcript(tmp_path / "seat")
+
+
+def test_a_transcript_of_a_newer_version_is_named_as_such(small: bytes) -> None:
+    with pytest.raises(JournalError, match="the transcript is of format 4, which this arena does not know"):
+        read_transcript(small.replace(b"TRANSCRIPT-3", b"TRANSCRIPT-4"))
 
 
 def test_a_tick_costs_no_system_call(tmp_path: Path, small_ticks: Ticks) -> None:

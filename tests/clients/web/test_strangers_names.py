@@ -1,20 +1,18 @@
 """Names of strangers in the browser: whatever a pit or a store says, it is text on the page and never markup."""
 
 import asyncio
-import threading
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import pytest
-import uvicorn
 from chromium import browser, visit
+from serving import serving
 
 from arena.errors import ArenaError
 from arena.game.ruleset import load, to_dict
 from arena.network.address import Address
 from arena.protocol.messages import Lobby
 from clients.web.pit import PitClient
-from clients.web.server import WebSettings, listen, make_app
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -22,7 +20,6 @@ if TYPE_CHECKING:
 __all__ = ["browser", "visit"]
 
 EVIL = "<script>window.evil = 1</script><img src=x onerror='window.evil = 1'>"
-PATIENCE_S = 30.0
 
 
 class EvilPit(PitClient):
@@ -71,16 +68,8 @@ class EvilLeagues:
 
 @pytest.fixture
 def home() -> Iterator[str]:
-    pit = EvilPit(Address(), None, lambda _: None)
-    with listen("127.0.0.1", 0) as listening:
-        config = uvicorn.Config(make_app(WebSettings(pit=pit, leagues=EvilLeagues())), log_level="error", ws="websockets-sansio")
-        server = uvicorn.Server(config)
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
-        thread.start()
-        yield f"http://127.0.0.1:{listening.getsockname()[1]}"
-        server.should_exit = True
-        thread.join(PATIENCE_S)
-        assert not thread.is_alive()
+    with serving(EvilPit(Address(), None, lambda _: None), EvilLeagues()) as home:
+        yield home
 
 
 def is_harmless(page: "Page") -> bool:

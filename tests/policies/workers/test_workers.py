@@ -10,6 +10,7 @@ from threading import Event
 import numpy as np
 import pytest
 
+from arena.annotations import read_annotations
 from arena.errors import InputError, PolicyError
 from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
@@ -41,7 +42,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
     """Start a bot of some code, for a match of one seat."""
     factories = []
 
-    def make(source: str, **settings: object) -> WorkerPolicy:
+    def make(source: str, *, keeps_annotations: bool = False, **settings: object) -> WorkerPolicy:
         if "\n" in source:
             (tmp_path / "bot.py").write_text(source)
             source = str(tmp_path / "bot.py")
@@ -49,6 +50,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
         factories.append(factory)
         factory.prepare(*([2.0] if "patience_s" in settings else []))
         policy = factory(PAPER, Team.BLUE, 1)
+        policy.keeps_annotations = keeps_annotations
         policy.start(np.arange(1))
         return policy
 
@@ -86,7 +88,7 @@ def act(seen):
     for descriptor in range(3, 20):
         try:
             while True:
-                os.write(descriptor, b"".join(pack([seat, bytes(6), 0, 0, None]) for seat in range(100)))
+                os.write(descriptor, b"".join(pack([seat, bytes(6), [0, 0, None, {}], b""]) for seat in range(100)))
         except OSError:
             continue
 """
@@ -107,7 +109,7 @@ class Bot:
                 continue
         for number in range(3, 20):
             try:
-                os.write(number, pack([1, b"", 0, 0, None]))
+                os.write(number, pack([1, b"", [0, 0, None, {}], b""]))
             except OSError:
                 continue
         time.sleep(1000)
@@ -251,12 +253,67 @@ def test_a_bot_that_prints_where_nothing_can_be_written_plays_on(
     assert answers == [[2] * 6] * 2
 
 
-@pytest.mark.parametrize("answer", ["[0] * 5", "[9] * 6", "'north'", "None"])
-def test_what_is_no_order_is_unreadable(answer: str, start: Start, board: BatchedGame) -> None:
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        ("[0] * 5", "5 orders for 6 units"),
+        ("[0, 9] * 3", "unit 1 is ordered 9, and an order is a number from 0 to 4"),
+        ("'north'", "'north' is no list of orders"),
+        ("None", "None is no list of orders"),
+    ],
+)
+def test_what_is_no_order_is_unreadable_and_is_told_why(answer: str, why: str, start: Start, board: BatchedGame) -> None:
     policy = start(f"def act(seen):\n    return {answer}\n")
 
     assert act(policy, board) == UNREADABLE
-    assert policy.take_faults(0).illegal == 1
+    faults = policy.take_faults(0)
+    assert faults.illegal == 1
+    assert [sentence for sentence, _ in faults.reasons.values()] == [f"tick 0: {why}; all its units stay"]
+
+
+NOTES = """
+def act(seen):
+    seen.log("tick", seen.tick)
+    seen.draw.cell(3, 4, "red", "A")
+    return [0] * 6
+"""
+
+
+@pytest.mark.parametrize("is_kept", [True, False])
+def test_what_a_bot_notes_comes_back_where_it_is_asked_for(is_kept: bool, start: Start, board: BatchedGame) -> None:
+    policy = start(NOTES, keeps_annotations=is_kept)
+
+    assert act(policy, board) == [0] * 6
+    noted = read_annotations(policy.take_annotations(0), PAPER.side)
+    drawn = [{"cell": [3, 4], "colour": "red", "text": "A"}]
+    assert noted == {"log": ["tick 0"] * is_kept, "draw": drawn * is_kept}
+    assert policy.take_annotations(0) == b""
+
+
+FORGES_ITS_NOTES = """
+import os
+from policies.workers.frames import pack
+def act(seen):
+    for number in range(3, 10):
+        try:
+            os.write(number, pack([1, bytes(6), [0, 0, None, {}], JUNK]))
+        except OSError:
+            pass
+    return [0] * 6
+"""
+
+
+@pytest.mark.parametrize("junk", [b"\x81\xa3log\x01", b"junk", bytes(100_000)], ids=["other", "junk", "long"])
+def test_annotations_that_a_process_made_up_are_dropped_and_its_orders_count(
+    junk: bytes, start: Start, board: BatchedGame
+) -> None:
+    policy = start(FORGES_ITS_NOTES.replace("JUNK", repr(junk)), keeps_annotations=True)
+
+    assert act(policy, board) == [0] * 6
+    assert policy.take_annotations(0) == b""
+    (sentence, count), *_ = policy.take_faults(0).reasons.values()
+    assert "annotations" in sentence
+    assert count == 1
 
 
 def test_what_a_bot_raises_is_told_with_its_line(start: Start, board: BatchedGame) -> None:
@@ -305,8 +362,9 @@ def test_what_it_prints_is_passed_on_up_to_its_limit_and_then_it_waits(
     ],
 )
 def test_a_bot_that_cannot_start_is_told_of_in_a_sentence(source: str, says: str, start: Start) -> None:
+    patience = {"patience_s": 2.0} if "sleep" in source else {}
     with pytest.raises(PolicyError) as refused:
-        start(source, **walls(), patience_s=2.0)
+        start(source, **walls(), **patience)
 
     assert says in str(refused.value)
 

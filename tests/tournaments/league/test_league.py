@@ -324,3 +324,28 @@ def test_walls_stand_round_files_and_programs_unless_the_league_says_otherwise(
     assert {name for name, sandbox in sandboxes.items() if sandbox.has_wall} == walled
     assert {sandbox.limits.files for sandbox in sandboxes.values()} == {9}
     assert {sandbox.limits.memory_mb for sandbox in sandboxes.values() if sandbox.has_wall} <= {BEHIND_A_WALL.memory_mb}
+
+
+def test_paths_in_the_command_line_of_a_program_begin_at_the_leagues_folder(tmp_path: Path) -> None:
+    (tmp_path / "bots").mkdir()
+    script = tmp_path / "bots" / "fast.js"
+    script.touch()
+    text = 'maps = "fresh"\nentries = ["rush", "exec:node bots/fast.js --level bots", "exec:./bots/slow bots/none"]'
+
+    league = parse(text, tmp_path)
+
+    assert league.entries["fast"] == f"exec:node {script} --level bots"
+    assert league.entries["slow"] == f"exec:{tmp_path}/bots/slow bots/none"
+
+
+def test_a_league_with_a_program_is_the_same_wherever_its_folder_lies(tmp_path: Path) -> None:
+    leagues = []
+    for folder in (tmp_path / "here", tmp_path / "there"):
+        folder.mkdir()
+        (folder / "fast.js").touch()
+        leagues.append(parse('entries = ["rush", "exec:node fast.js"]', folder))
+
+    here, there = leagues
+    assert here.entries != there.entries
+    assert find_edit(here.definition, there.definition) is None
+    assert here.definition["entries"]["fast"] == "exec:node fast.js"

@@ -78,7 +78,7 @@ class Bot:
     def start(self, info):
         for number in range(3, 20):
             try:
-                os.write(number, pack([1, b"", 1, 0, ""]))
+                os.write(number, pack([1, b"", [1, 0, "", {}], b""]))
             except OSError:
                 continue
         time.sleep(1000)
