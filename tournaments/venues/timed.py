@@ -230,9 +230,9 @@ class _TimedMatch:
         """Return what went wrong on a seat, its late turns among it."""
         side, now_s = self._sides[team], time.monotonic()
         faults = side.seat.faults()
-        for kind, ticks in ((LATE, side.late), (SLOW, side.slow)):
+        for kind, ticks, then in ((LATE, side.late, "all its units stay"), (SLOW, side.slow, "the bank pays")):
             if ticks:
-                faults.note(kind, side.describe(*ticks[0], self._turn_time_s, now_s), len(ticks))
+                faults.note(kind, f"{side.describe(*ticks[0], self._turn_time_s, now_s)}; {then}", len(ticks))
         return faults
 
 
