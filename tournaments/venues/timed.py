@@ -15,7 +15,7 @@ from threading import Event
 from arena.game.ruleset import Ruleset, rules_values
 from arena.game.types import Team
 from arena.local.saving import make_folder, save
-from arena.local.venue import MatchRecord
+from arena.local.venue import MatchRecord, OnNews, announce
 from arena.match.effects import Ask, Effect, End, Write
 from arena.match.match import Match, Phase
 from arena.match.time_control import TimeControl
@@ -39,6 +39,7 @@ def play(
     time_control: TimeControl,
     *,
     journals: Path | None = None,
+    on_news: OnNews | None = None,
 ) -> Iterator[MatchRecord]:
     """Play matches one after the other, and yield each as it ends.
 
@@ -47,8 +48,12 @@ def play(
     fighters
         By name. One in processes of its own is waited for as long as the clock allows; another thinks in this thread, and what it
         takes is known once it has answered.
+    on_news
+        Called as soon as a match ends.
     """
     records = _play(ruleset, plans, fighters, time_control)
+    if on_news is not None:
+        records = announce(records, on_news)
     if journals is None:
         return records
     make_folder(journals)
