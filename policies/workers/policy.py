@@ -56,6 +56,10 @@ class WorkerFactory:
         Called from another thread with what limit a process met.
     patience_s
         How long to wait for an answer, without `wake`; a process that takes longer is ended.
+    is_shared
+        Whether one process plays all seats; without it, as suits the fighter.
+    on_output
+        Called from another thread with what processes print, in pieces; without it, that is passed on to stderr.
     """
 
     most_seats = 8
@@ -71,6 +75,8 @@ class WorkerFactory:
         wake: Callable[[], None] | None = None,
         on_limit: Callable[[str], None] = lambda _: None,
         patience_s: float | None = None,
+        is_shared: bool | None = None,
+        on_output: Callable[[bytes], None] | None = None,
     ) -> None:
         self.spec, self.wake, self.on_limit = spec, wake, on_limit
         self._command, files = resolve(spec)
@@ -78,13 +84,13 @@ class WorkerFactory:
             _check_readable(spec, files)
         self._sandbox = Sandbox(has_wall=has_wall, limits=limits, readable=(*files, cache_root()))
         self._n_spare, self._patience_s = n_spare, patience_s
-        self._log = OutputLog(limits)
+        self._log = OutputLog(limits, on_output)
         self._spare: deque[Worker] = deque()
         self._workers: set[Worker] = set()
         self._changed = Condition()
         self._next_seat = 0
         self._is_closed = False
-        self.is_shared = not (spec.startswith(PROGRAM) or spec.endswith(".py"))
+        self.is_shared = not (spec.startswith(PROGRAM) or spec.endswith(".py")) if is_shared is None else is_shared
         atexit.register(self.close)
 
     def __call__(self, ruleset: Ruleset, team: Team, n_seats: int) -> "WorkerPolicy":
@@ -150,6 +156,11 @@ class WorkerFactory:
             for worker in workers:
                 worker.kill(f"it did not answer within {self._patience_s:g} s")
             are_ready()
+
+    def memory_bytes(self) -> int | None:
+        """Return what all its processes hold in memory; None where the system does not tell."""
+        held = [worker.memory_bytes() for worker in self._workers]
+        return None if None in held else sum(filter(None, held))
 
     def explain(self, error: BaseException) -> None:
         """Note on an interrupt where those fighters are that have not answered."""

@@ -44,9 +44,10 @@ _WORDS = {
 
 
 class OutputLog:
-    """Passes on what fighters print, up to a bound."""
+    """Passes on what fighters print, up to a bound: to stderr, or to `take`."""
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: Limits, take: Callable[[bytes], None] | None = None) -> None:
+        self._take = take
         self._n_left = sys.maxsize if limits.output_kb is None else limits.output_kb << 10
         self._lock = Lock()
 
@@ -55,7 +56,9 @@ class OutputLog:
         with self._lock:
             before = self._n_left
             self._n_left -= len(data)
-        if before > 0:
+        if before > 0 and self._take is not None:
+            self._take(data[:before])
+        elif before > 0:
             with suppress(OSError, ValueError):  # our own stderr may be closed, or its disk full
                 sys.stderr.write("\n".join(map(clean, data[:before].decode("utf-8", "replace").split("\n"))))
                 sys.stderr.flush()
@@ -143,6 +146,10 @@ class Worker:
         """Return what a seat has answered to the oldest message that it was not taken of, if it has."""
         answers = self._answers.get(seat)
         return answers.popleft() if answers else None
+
+    def memory_bytes(self) -> int | None:
+        """Return what it holds in memory, with all that it started; None where the system does not tell."""
+        return self._process.memory_bytes()
 
     def whereabouts(self) -> str | None:
         """Return where the fighter is, by its own stack, if it owes an answer; waits for that for a moment."""

@@ -1,1 +1,1 @@
-"""What an author of a bot works with: what the arena tells of a bot that fails."""
+"""What the author of a bot works with: a bench to write, check and compare on."""
