@@ -155,7 +155,9 @@ def _on_the_clock(
     time_control = TimeControl(turn_time_s=turn_time_s)
     if bank_s is not None:
         time_control = replace(time_control, bank_s=bank_s)
-    return lambda ruleset, plans, journals, _: play_timed(ruleset, plans, fighters, time_control, journals=journals)
+    return lambda ruleset, plans, journals, on_news: play_timed(
+        ruleset, plans, fighters, time_control, journals=journals, on_news=on_news
+    )
 
 
 def _entries(one: str, other: str) -> dict[str, str]:
