@@ -33,6 +33,10 @@ class Recording:
         self.error: ArenaError | None = None
         """Why there are no more scenes, if the match does not simply end there."""
 
+    def __len__(self) -> int:
+        """Return how many scenes there are so far."""
+        return len(self._scenes)
+
     @property
     def last(self) -> int | None:
         """The number of the last tick; None while nobody knows it."""
