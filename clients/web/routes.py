@@ -35,6 +35,7 @@ PAGES = (
     Page(path="/open", script="open.js", link="Open"),
     Page(path="/play", script="play.js", link="Play"),
     Page(path="/league", script="league.js", link="Leaderboard"),
+    Page(path="/rules", script="rules.js", link="Rules"),
 )
 ABSENT = Page(path="", script="absent.js")
 """What stands at every other address."""

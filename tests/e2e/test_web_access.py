@@ -46,6 +46,7 @@ PAGES = {
     "before a match": ("/play", "Take a seat"),
     "in a match": ("/play", "Take a seat"),
     "league": ("/league", "2 of 2 matches"),
+    "rules": ("/rules", "How a match is won"),
     "absent": ("/nowhere", "There is no such page"),
 }
 """By name: an address, and what the page says once its data are there."""
@@ -106,10 +107,10 @@ def names(page: "Page") -> str:
 def test_every_page_is_used_by_keyboard_and_named(home: str, visit: Start) -> None:
     page = visit(f"{home}/")
     says(page, "is open")
-    page.locator("section table").wait_for()
+    page.get_by_role("region", name="Ladder").wait_for()
     assert '- region "Ladder"' in names(page)
     walk(page)
-    page.locator(".results a").first.focus()
+    page.get_by_role("link", name="Replay of").first.focus()
     page.keyboard.press("Enter")
 
     says(page, "Every tick was played again and holds.")

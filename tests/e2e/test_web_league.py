@@ -102,3 +102,19 @@ def test_a_match_that_no_league_has_is_said_and_the_leaderboard_offered(home: st
     says(page, "league friday has no match friday/../../keys that is over")
     page.get_by_role("link", name="To the leaderboard").click()
     says(page, "12 of 12 matches")
+
+
+def test_a_lobby_in_which_nothing_happens_plays_the_last_match_until_it_is_told_to_pause(home: str, visit: Start) -> None:
+    page = visit(f"{home}/")
+    board = page.get_by_role("img", name="The last match")
+    picture = "board => board.toDataURL()"
+    first = board.evaluate(picture)
+
+    page.wait_for_function("first => document.querySelector('canvas').toDataURL() !== first", arg=first)
+    page.get_by_role("button", name="Pause").click()
+
+    still = board.evaluate(picture)
+    page.get_by_role("button", name="Play").wait_for()
+    assert board.evaluate(picture) == still
+    page.locator(".last").get_by_role("link").click()
+    says(page, "Every tick was played again and holds.")

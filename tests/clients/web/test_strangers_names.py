@@ -73,9 +73,11 @@ def home() -> Iterator[str]:
 def test_markup_in_a_name_is_shown_as_it_is_written(home: str, visit: Callable[..., "Page"]) -> None:
     lobby, league = visit(f"{home}/"), visit(f"{home}/league")
 
-    lobby.locator("td.blue", has_text=EVIL).wait_for()
-    lobby.locator(".results li", has_text=EVIL).wait_for()
-    lobby.locator("dd", has_text=EVIL).first.wait_for()
+    lobby.locator("td.blue", has_text=EVIL).first.wait_for()
+    lobby.get_by_role("region", name="Latest results").locator("td", has_text=EVIL).first.wait_for()
+    lobby.locator("p", has_text=f"The rules are those of {EVIL}").wait_for()
+    lobby.get_by_role("link", name="The rules").click()
+    lobby.locator(".state", has_text=f"plays the ruleset {EVIL}").wait_for()
     league.locator("tbody th", has_text=EVIL).first.wait_for()
     league.locator(".cross button").click()
     league.locator("#fixture li", has_text=EVIL).wait_for()
