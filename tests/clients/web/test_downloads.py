@@ -66,12 +66,12 @@ def test_a_replay_is_taken_along_as_journal_gif_and_page(
 
 
 def test_a_transcript_is_exported_as_a_page_with_what_its_bot_noted(
-    here: Run, transcribe: Callable[..., Path], visit: Visit, tmp_path: Path
+    here: Run, transcribe: Callable[..., Path], data: bytes, visit: Visit, tmp_path: Path
 ) -> None:
     def note(notes: Annotations, tick: int) -> None:
         notes.log(f"</main></script>{EVIL}", tick)
 
-    transcript, out = transcribe(tmp_path / "a.transcript", note), tmp_path / "match.html"
+    transcript, out = transcribe(tmp_path / "a.transcript", note, data), tmp_path / "match.html"
     done = here("replay", "export", transcript, "--out", out)
     assert (done.returncode, done.stderr) == (0, "")
     page = visit(out.as_uri())
