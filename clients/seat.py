@@ -62,7 +62,7 @@ class _Shown(NamedTuple):
 class Seat:
     """A policy that plays one seat."""
 
-    def __init__(self, ticket: Ticket, commitment: bytes, make: BatchFactory) -> None:
+    def __init__(self, ticket: Ticket, commitment: bytes, make: BatchFactory, *, match: str = "") -> None:
         self.ticket, self.commitment = ticket, commitment
         self.ruleset, self.team = read_ticket(ticket)
         self.ended: Ended | None = None
@@ -74,6 +74,7 @@ class Seat:
         self._in_memory: tuple[bytes, Observations] | None = None
         """The observation that was read last: its bytes, and what they say."""
         self._policy: BatchPolicy = make(self.ruleset, self.team, 1)
+        self._policy.name_match(0, match or ticket.match)
         self._has_started = False
         self._must_say_ready = False
         self._waiting: deque[_Shown] = deque()

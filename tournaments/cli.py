@@ -13,6 +13,7 @@ from clients.commands.watch import watch
 from policies.cli import policies
 from policies.training.cli import train
 from tournaments.commands.bench import bench
+from tournaments.commands.check import check
 from tournaments.commands.evaluate import evaluate
 from tournaments.commands.league import leaderboard, tournament
 from tournaments.commands.play import play
@@ -22,6 +23,7 @@ from tournaments.commands.web import web
 COMMANDS: dict[str, Command] = {
     "admin": admin,
     "bench": bench,
+    "check": check,
     "doctor": doctor,
     "evaluate": evaluate,
     "join": join,

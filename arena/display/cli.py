@@ -163,29 +163,36 @@ def show_match(
     ] = None,
     tick: Annotated[int | None, typer.Option(help="Show this tick alone.")] = None,
     speed: Annotated[float, typer.Option(min=0.1, max=1000.0, help="Ticks per second, on a terminal.")] = 8.0,
+    is_plain: Annotated[bool, typer.Option("--plain", help="Print every tick, as where stdout is no terminal.")] = False,
 ) -> None:
-    """Play a match in the terminal: of a journal, a team's view at the left and the truth at the right.
+    """Look at a match in the terminal: of a journal, a team's view at the left and the truth at the right.
 
-    Of a transcript, what its seat saw, what it remembered and ordered, and at the end what befell it. Where stdout is no
-    terminal, every tick is printed.
+    Of a transcript, what its seat saw, remembered, ordered, logged and drew, and at the end what befell it. On a terminal, keys
+    step through it, and ? tells which. They find fights, falls and captures in a journal, and in a transcript, which tells of no
+    fight, losses and changes of the score. Where stdout is no terminal, every tick is printed.
     """
     from rich.console import Console
+    from rich.text import Text
 
-    from arena.display.terminal_replay import show_journal, show_transcript
+    from arena.console import clean
+    from arena.display.player import Recording
+    from arena.display.recorded import open_match
+    from arena.display.terminal_replay import has_keys, play_with_keys, print_scenes
     from arena.display.text import is_live
-    from arena.records.transcript import is_transcript
 
     if team not in (None, "blue", "red"):
         raise InputError(f"--team is {team!r}; it must be blue or red")
-    console = Console()
+    match = open_match(file, team)
+    console = Console(force_terminal=False if is_plain else None)
     if not is_live(console):
         console.width = 10_000
-    if is_transcript(file):
-        if team is not None:
-            raise InputError("--team is for journals; a transcript is what one seat saw")
-        show_transcript(console, file, tick, speed)
+    if tick is None and has_keys(console):
+        play_with_keys(console, Recording(match.scenes, match.last), match.views, speed)
     else:
-        show_journal(console, file, team or "blue", tick, speed)
+        print_scenes(console, match.scenes, match.views[0], match.last, tick, speed, has_orders=match.is_of_one_seat)
+    if tick is None:
+        for line in match.epilogue:
+            console.print(Text(clean(line)))
 
 
 @replay.command("export")

@@ -5,25 +5,24 @@ that a match is made of depends on its row, on the batch or on the process: its 
 """
 
 import os
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
-from itertools import groupby, islice
+from itertools import groupby
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from arena.errors import InputError
 from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
-from arena.local.workers import work
+from arena.local.saving import make_folder, save
+from arena.local.workers import tell, work
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
-from arena.records.journal import Header, Mark, save_journal, write_ending, write_start
+from arena.records.journal import Header, Mark, write_ending, write_start
 from arena.records.plan import MatchPlan
 from arena.records.replay import match_result
 
@@ -32,15 +31,15 @@ ROWS = 512
 MATCHES_PER_TASK = 1024
 """At most: what a killed worker has to play again."""
 _FEWEST_PER_TASK, _TASKS_PER_WORKER = 32, 4
-_RECORDS_PER_WRITE, _MOST_WRITES = 16, 64
 Load = Callable[[str], BatchFactory]
 """Makes a fighter from its name; a plain function, so that it can be sent to another process."""
 
 
 BarePlan = tuple[str, str, str, bytes, bytes]
 """A plan as it crosses to another process: as dataclasses, pickling took longer than playing."""
+_BareResult = tuple[int, int, int, int]
 _BareFaults = tuple[int, int, str | None, dict[str, tuple[str, int]]]
-BareRecord = tuple[str, tuple[int, int, int, int], tuple[_BareFaults, _BareFaults], tuple[int, int], bytes | None]
+BareRecord = tuple[str, _BareResult, tuple[_BareFaults, _BareFaults], tuple[int, int], bytes | None]
 """A record as it comes back."""
 _TEAMS = {int(Team.BLUE): Team.BLUE, int(Team.RED): Team.RED, -1: None}
 
@@ -59,6 +58,18 @@ class MatchRecord:
     """The canonical journal, unless it was written to a folder."""
 
 
+class News(NamedTuple):
+    """A match of bots has ended: what is told at once, while its record waits for those of the other matches of its task."""
+
+    identity: str
+    result: MatchResult
+    reasons: tuple[dict[str, str], dict[str, str]]
+    """Why each team's units stayed: kinds that the task had not met before, and their first sentences."""
+
+
+OnNews = Callable[[News], None]
+
+
 def play(
     ruleset: Ruleset,
     plans: Sequence[MatchPlan],
@@ -66,6 +77,7 @@ def play(
     *,
     journals: Path | None = None,
     n_workers: int | None = None,
+    on_news: OnNews | None = None,
 ) -> Iterator[MatchRecord]:
     """Play matches and yield each as it ends, in no promised order.
 
@@ -75,6 +87,8 @@ def play(
         Folder to write each match's journal into; without it, records carry them.
     n_workers
         Processes; by default one per core that this process may use, as far as there is work for them.
+    on_news
+        Called, perhaps from another thread, as soon as a match ends that a bot played.
 
     Raises
     ------
@@ -90,21 +104,12 @@ def play(
     n_workers = min(n_workers, len(tasks))
     if n_workers <= 1:
         for task in tasks:
-            yield from _play_task(ruleset, task, load, journals)
+            yield from _play_task(ruleset, task, load, journals, on_news)
         return
     by_identity = {plan.identity: plan for plan in plans}
-    for played in work([partial(play_bare, ruleset, strip(task), load, journals) for task in tasks], n_workers):
+    jobs = [partial(play_bare, ruleset, strip(task), load, journals, None if on_news is None else tell) for task in tasks]
+    for played in work(jobs, n_workers, None if on_news is None else lambda words: on_news(_news(words))):
         yield from dress(played, by_identity)
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of journals, or say in a sentence why it cannot be."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError as error:
-        raise InputError(f"cannot keep journals in {folder}: it is no folder") from error
-    except OSError as error:
-        raise InputError(f"cannot keep journals in {folder}: {error.strerror}") from error
 
 
 def split(plans: Sequence[MatchPlan], n_workers: int) -> list[list[MatchPlan]]:
@@ -128,21 +133,26 @@ def strip(plans: Sequence[MatchPlan]) -> list[BarePlan]:
     return [(plan.identity, plan.blue, plan.red, plan.keys.map_key, plan.keys.match_key) for plan in plans]
 
 
-def play_bare(ruleset: Ruleset, plans: list[BarePlan], load: Load, journals: Path | None) -> list[BareRecord]:
-    """Play a task in another process."""
+def play_bare(
+    ruleset: Ruleset,
+    plans: list[BarePlan],
+    load: Load,
+    journals: Path | None,
+    tell: Callable[[tuple[Any, ...]], None] | None = None,
+) -> list[BareRecord]:
+    """Play a task in another process, which tells its news, stripped as well."""
+    on_news = None if tell is None else lambda news: tell((news.identity, _strip_result(news.result), news.reasons))
     whole = [
         MatchPlan(identity=identity, blue=blue, red=red, keys=MatchKeys(map_key=map_key, match_key=match_key))
         for identity, blue, red, map_key, match_key in plans
     ]
     played: list[BareRecord] = []
-    for record in _play_task(ruleset, whole, load, journals):
-        result = record.result
-        winner = -1 if result.winner is None else int(result.winner)
+    for record in _play_task(ruleset, whole, load, journals, on_news):
         blue, red = ((one.raised, one.illegal, one.first_traceback, one.reasons) for one in record.faults)
         played.append(
             (
                 record.plan.identity,
-                (int(result.ending), winner, result.score, result.ticks),
+                _strip_result(record.result),
                 (blue, red),
                 record.n_unreadable,
                 record.journal,
@@ -153,10 +163,10 @@ def play_bare(ruleset: Ruleset, plans: list[BarePlan], load: Load, journals: Pat
 
 def dress(played: list[BareRecord], by_identity: Mapping[str, MatchPlan]) -> Iterator[MatchRecord]:
     """Yield records that came back, with their plans."""
-    for identity, (ending, winner, score, ticks), (blue, red), n_unreadable, journal in played:
+    for identity, result, (blue, red), n_unreadable, journal in played:
         yield MatchRecord(
             plan=by_identity[identity],
-            result=MatchResult(ending=Termination(ending), winner=_TEAMS[winner], score=score, ticks=ticks),
+            result=_dress_result(*result),
             faults=(_faults(blue), _faults(red)),
             n_unreadable=n_unreadable,
             journal=journal,
@@ -167,31 +177,41 @@ def _faults(bare: _BareFaults) -> Faults:
     return Faults(raised=bare[0], illegal=bare[1], first_traceback=bare[2], reasons=bare[3])
 
 
-def _play_task(ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None) -> Iterator[MatchRecord]:
-    records = play_batch(ruleset, plans, load(plans[0].blue), load(plans[0].red))
+def _strip_result(result: MatchResult) -> _BareResult:
+    return int(result.ending), -1 if result.winner is None else int(result.winner), result.score, result.ticks
+
+
+def _dress_result(ending: int, winner: int, score: int, ticks: int) -> MatchResult:
+    return MatchResult(ending=Termination(ending), winner=_TEAMS[winner], score=score, ticks=ticks)
+
+
+def _news(words: tuple[Any, ...]) -> News:
+    identity, result, reasons = words
+    return News(identity, _dress_result(*result), reasons)
+
+
+def _play_task(
+    ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None, on_news: OnNews | None
+) -> Iterator[MatchRecord]:
+    blue, red = load(plans[0].blue), load(plans[0].red)
+    records = play_batch(ruleset, plans, blue, red)
+    if on_news is not None and any(hasattr(make, "most_seats") for make in (blue, red)):
+        records = announce(records, on_news)
     return records if journals is None else save(records, journals)
 
 
-def save(records: Iterator[MatchRecord], folder: Path) -> Iterator[MatchRecord]:
-    """Yield records once their journals are written, by a thread beside the games: the disk may take its time."""
-    name = str(folder)
-
-    def write(some: list[MatchRecord]) -> list[MatchRecord]:
-        for record in some:
-            try:
-                save_journal(name, record.plan.identity, record.journal or b"")
-            except OSError as error:
-                raise InputError(f"cannot write the journal of {record.plan.identity} in {folder}: {error.strerror}") from error
-        return [replace(record, journal=None) for record in some]
-
-    with ThreadPoolExecutor(1) as writer:
-        writing: deque[Future[list[MatchRecord]]] = deque()
-        while some := list(islice(records, _RECORDS_PER_WRITE)):
-            writing.append(writer.submit(write, some))
-            while writing and (writing[0].done() or len(writing) > _MOST_WRITES):
-                yield from writing.popleft().result()
-        while writing:
-            yield from writing.popleft().result()
+def announce(records: Iterable[MatchRecord], on_news: OnNews) -> Iterator[MatchRecord]:
+    """Yield records of one pairing, each once its news is told."""
+    known: tuple[set[str], set[str]] = (set(), set())
+    for record in records:
+        blue, red = (
+            {kind: sentence for kind, (sentence, _) in faults.reasons.items() if kind not in before}
+            for faults, before in zip(record.faults, known, strict=True)
+        )
+        for before, new in zip(known, (blue, red), strict=True):
+            before.update(new)
+        on_news(News(record.plan.identity, record.result, (blue, red)))
+        yield record
 
 
 def play_batch(ruleset: Ruleset, plans: Iterable[MatchPlan], blue: BatchFactory, red: BatchFactory) -> Iterator[MatchRecord]:
@@ -240,6 +260,8 @@ class _Batch:
             self._pieces[row], self._chains[row] = [data], chain
             self.running[row] = plan
         for fighter in self._fighters.values():
+            for row, plan in zip(rows, plans, strict=True):
+                fighter.name_match(row, plan.identity)
             fighter.start(np.asarray(rows, np.intp))
 
     def play_tick(self) -> list[tuple[int, MatchRecord]]:

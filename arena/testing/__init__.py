@@ -20,6 +20,8 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
+    if name == "play_pairs":
+        raise ImportError("play_pairs knows fighters by their names, so it is in tournaments.testing, and a fixture of pytest")
     if name not in _HOMES:
         raise AttributeError(f"module 'arena.testing' has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)

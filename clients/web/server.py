@@ -32,7 +32,8 @@ from clients.web.guard import LOOPBACK, Guard
 from clients.web.pit import PitClient
 from clients.web.play import BrowserSeat, BrowserSeats, check_fighter, read_wish
 from clients.web.providers import Leagues
-from clients.web.routes import ABSENT, ASSETS, PAGES, QUESTIONS, SOCKETS, Page, render
+from clients.web.recordings import Recordings
+from clients.web.routes import ABSENT, ASSETS, PAGES, QUESTIONS, RECORDINGS, SOCKETS, Page, render
 from policies import registry
 
 logger = logging.getLogger(__name__)
@@ -58,6 +59,7 @@ class WebSettings:
 def make_app(settings: WebSettings) -> Starlette:
     """Return the whole server as an application; its pit is looked for as long as it runs."""
     handlers = Handlers(settings)
+    recordings = Recordings(settings.pit, settings.leagues)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -73,6 +75,8 @@ def make_app(settings: WebSettings) -> Starlette:
         routes=[
             *(Route(page.path, partial(show, page)) for page in PAGES),
             *(Route(path, getattr(handlers, name)) for name, path in QUESTIONS.items()),
+            Route(RECORDINGS["download"], recordings.download),
+            Route(RECORDINGS["open"], recordings.open, methods=["POST"]),
             *(WebSocketRoute(path, getattr(handlers, name)) for name, path in SOCKETS.items()),
             Mount("/assets", StaticFiles(directory=ASSETS)),
         ],

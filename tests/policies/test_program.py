@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from arena.annotations import read_annotations
 from arena.errors import PolicyError
 from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
@@ -126,6 +127,18 @@ def test_an_answer_that_is_no_action_for_each_unit_is_counted(sit: Sit, games: B
 
     assert ask(policy, games) == [UNREADABLE] * 6
     assert policy.take_faults(0).illegal == 1
+
+
+@pytest.mark.parametrize("is_kept", [True, False])
+def test_an_answer_may_hold_a_log_and_drawings_beside_the_orders(is_kept: bool, sit: Sit, games: BatchedGame) -> None:
+    drawn = {"cell": [3, 4], "colour": "red", "text": "A"}
+    answer = {"orders": [1] * 6, "log": ["tick", "by tick"], "draw": [drawn]}
+    policy = sit(f"print(json.dumps({answer}), flush=True)")
+    policy.keeps_annotations = is_kept
+
+    assert ask(policy, games) == [1] * 6
+    noted = read_annotations(policy.take_annotations(0), PAPER.side)
+    assert noted == {"log": ["tick", "by tick"] * is_kept, "draw": [drawn] * is_kept}
 
 
 def test_its_children_end_with_it(tmp_path: Path) -> None:

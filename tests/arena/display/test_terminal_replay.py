@@ -13,7 +13,8 @@ import pytest
 from rich.console import Console
 from worlds import lay, rules_for
 
-from arena.display.text import GroundMemory, format_last_tick
+from arena.display.scene import scenes_of_transcript
+from arena.display.text import draw_board, format_last_tick
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult
@@ -207,11 +208,12 @@ def test_a_changed_transcript_is_one_sentence(arena: Run, race: Path) -> None:
 
 def test_what_is_remembered_is_dimmed(race: Path) -> None:
     transcript = load_transcript(race)
-    memory, console = GroundMemory(RACE.side), Console(width=80, force_terminal=True, color_system="truecolor")
+    console = Console(width=80, force_terminal=True, color_system="truecolor")
     pieces = []
-    for seen in transcript.observations():
+    for scene in scenes_of_transcript(transcript):
+        pane = scene.panes["and remembers"]
         with console.capture() as capture:
-            console.print(memory.draw_pair("", seen, 80))
+            console.print(draw_board(pane.grid, is_wide=False, dimmed=pane.dimmed))
         pieces.append(re.findall(r"\x1b\[2;[^m]*m([^\x1b]*)", capture.get()))
 
     n_remembered = [sum(piece.count("·") + piece.count("F") for piece in dimmed) for dimmed in pieces]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from chromium import browser, visit
-from serving import serving
+from serving import EVIL, is_harmless, serving
 
 from arena.errors import ArenaError
 from arena.game.ruleset import load, to_dict
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 __all__ = ["browser", "visit"]
-
-EVIL = "<script>window.evil = 1</script><img src=x onerror='window.evil = 1'>"
 
 
 class EvilPit(PitClient):
@@ -88,10 +86,6 @@ class EvilLeagues:
 def home() -> Iterator[str]:
     with serving(EvilPit(Address(), None, lambda _: None), EvilLeagues()) as home:
         yield home
-
-
-def is_harmless(page: "Page") -> bool:
-    return bool(page.evaluate("window.evil === undefined")) and page.locator("main script, main img:not([role])").count() == 0
 
 
 def test_markup_in_a_name_is_shown_as_it_is_written(home: str, visit: Callable[..., "Page"]) -> None:
