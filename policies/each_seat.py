@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import arena.policy
+from arena import current_call
 from arena.annotations import Annotations
 from arena.game.observation import Observation, Observations
 from arena.game.ruleset import Ruleset
@@ -21,6 +22,7 @@ MakeBot = Callable[[], Any]
 UNREADABLE = -1
 """Written into all orders of a seat that gave none: its units stay, and the referee counts it."""
 _OURS = {__file__, arena.policy.__file__}
+current_call.OURS |= _OURS
 _MOST_FRAMES, _MOST_LETTERS, _MOST_WORDS_LETTERS = 20, 4000, 200
 
 
@@ -42,6 +44,11 @@ class EachSeat(BatchPolicy):
         self._is_started = np.zeros(n_seats, np.bool_)
         self._is_over = np.zeros(n_seats, np.bool_)
         self._annotations = [b""] * n_seats
+        self._matches = [""] * n_seats
+
+    def name_match(self, seat: int, match: str) -> None:
+        """Hear what the match of `seat` is called."""
+        self._matches[seat] = match
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Make a fresh bot for each of `seats`, and start its match."""
@@ -96,12 +103,18 @@ class EachSeat(BatchPolicy):
 
     def _notify(self, seat: int, event: str, message: MatchInfo | MatchResult) -> None:
         if hasattr(self._bots[seat], event):
-            self._call(seat, getattr(self._bots[seat], event), message)
+            self._call(seat, getattr(self._bots[seat], event), message, moment=f"the {event}")
 
-    def _call(self, seat: int, method: Callable[..., Any], *arguments: Any, tick: int | None = None) -> Any:
+    def _call(
+        self, seat: int, method: Callable[..., Any], *arguments: Any, tick: int | None = None, moment: str = "the start"
+    ) -> Any:
         """Return what a method of a bot returns, or None with the fault noted."""
+        current_call.begin(self._matches[seat], self.team, moment if tick is None else f"tick {tick}")
         try:
             return method(*arguments)
+        except KeyboardInterrupt as error:
+            current_call.explain(error)
+            raise
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's code may raise anything
             faults = self._faults[seat]
             faults.raised += 1
@@ -109,6 +122,8 @@ class EachSeat(BatchPolicy):
             if faults.first_traceback is None:
                 faults.first_traceback = _bots_own(error)
             return None
+        finally:
+            current_call.end()
 
 
 class WithoutMemory:

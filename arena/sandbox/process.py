@@ -98,6 +98,14 @@ class SandboxedProcess:
         """Return what it and all that it started hold in memory; None where the system does not tell."""
         return _resident_bytes(self.process.pid)
 
+    def send_signal(self, number: int) -> None:
+        """Send a signal to the command itself, behind its wall or not; nothing is done if it has ended."""
+        pid = self.process.pid
+        with suppress(OSError, ValueError, IndexError):
+            while Path(f"/proc/{pid}/comm").read_text() == "bwrap\n":
+                pid = int(Path(f"/proc/{pid}/task/{pid}/children").read_text().split()[0])
+            os.kill(pid, number)
+
     def end(self, patience_s: float = 0.0) -> int:
         """End it and all that it started, unless it does so by itself soon; close the pipes, and return its exit code."""
         with suppress(subprocess.TimeoutExpired):

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from platformdirs import user_data_path
 
 from arena.annotations import read_annotations
+from arena.current_call import Place
 from arena.errors import InputError, PolicyError, UnreadableError
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, rules_values
@@ -145,8 +146,12 @@ class WorkerFactory:
 
     def wait(self, workers: Iterable[Worker], are_ready: Callable[[], bool]) -> None:
         """Wait until something is so that changes when a process says something; end those that keep us waiting for too long."""
-        with self._changed:
-            is_so = self._changed.wait_for(are_ready, self._patience_s)
+        try:
+            with self._changed:
+                is_so = self._changed.wait_for(are_ready, self._patience_s)
+        except KeyboardInterrupt as error:
+            self.explain(error)
+            raise
         if not is_so:
             for worker in workers:
                 worker.kill(f"it did not answer within {self._patience_s:g} s")
@@ -156,6 +161,12 @@ class WorkerFactory:
         """Return what all its processes hold in memory; None where the system does not tell."""
         held = [worker.memory_bytes() for worker in self._workers]
         return None if None in held else sum(filter(None, held))
+
+    def explain(self, error: BaseException) -> None:
+        """Note on an interrupt where those fighters are that have not answered."""
+        for worker in list(self._workers):
+            if (where := worker.whereabouts()) is not None:
+                error.add_note(where)
 
     def close(self) -> None:
         """End all processes."""
@@ -217,6 +228,7 @@ class _Row:
 
     worker: Worker
     number: int
+    match: str
     is_begun: bool = False
     """Whether its process was told of the match."""
     is_started: bool = False
@@ -236,6 +248,11 @@ class WorkerPolicy(BatchPolicy):
         self._last_faults = [Faults() for _ in range(n_seats)]
         """Of matches that are over."""
         self._rules = rules_values(ruleset)
+        self._matches = [""] * n_seats
+
+    def name_match(self, seat: int, match: str) -> None:
+        """Hear what the match of `seat` is called."""
+        self._matches[seat] = match
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Begin a match for each of `seats`; `Thinking` while one is not ready for it."""
@@ -243,7 +260,7 @@ class WorkerPolicy(BatchPolicy):
             row = self._rows[seat]
             if row is None or row.is_started:
                 self._release(seat)
-                self._rows[seat] = _Row(self._factory.acquire(), self._factory.new_seat())
+                self._rows[seat] = _Row(self._factory.acquire(), self._factory.new_seat(), self._matches[seat])
         rows = [row for row in self._rows if row is not None]
         self._await(rows, self._is_started)
 
@@ -253,6 +270,7 @@ class WorkerPolicy(BatchPolicy):
             row = self._rows[seat]
             if row is not None and not row.is_asked:
                 row.is_asked = True
+                row.worker.place = self._place(row, f"tick {observations.tick[seat]}")
                 row.worker.ask(row.number, ObservationWriter(observations, seat).write())
         self._await([row for row in self._rows if row is not None], lambda row: row.worker.has_answer(row.number))
         for seat in range(len(observations)):
@@ -303,13 +321,17 @@ class WorkerPolicy(BatchPolicy):
         worker = row.worker
         if worker.is_loaded and not row.is_begun:
             row.is_begun = True
-            worker.start(row.number, self._rules, int(self.team), keeps_annotations=self.keeps_annotations)
+            worker.place = self._place(row, "the start")
+            worker.start(row.number, self._rules, int(self.team), row.match, keeps_annotations=self.keeps_annotations)
         if not row.is_started and worker.failure is not None:
             row.is_started = True
         elif not row.is_started and row.is_begun and (answer := worker.take(row.number)) is not None:
             row.is_started = True
             row.faults.add(answer.faults)
         return row.is_started
+
+    def _place(self, row: _Row, moment: str) -> str:
+        return Place(row.match, self.team, moment).describe()
 
     def _await(self, rows: list[_Row], is_ready: Callable[[_Row], bool]) -> None:
         def are_ready() -> bool:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from threading import Lock, Thread
 from typing import Any
 
+from arena import current_call
 from arena.console import clean
 from arena.errors import UnreadableError
 from arena.policy import Faults
@@ -115,14 +116,18 @@ class Worker:
         """Whether it can be asked."""
         self.failure: str | None = None
         """Why it answers no more, in a sentence."""
+        self.place = ""
+        """Where it is asked next, or was asked last, in words."""
+        self._dump: bytearray | None = None
+        """What it writes to stderr from the moment on that it is to write its stack."""
         self._wake_read, self._wake_write = os.pipe()
         self._listener = Thread(target=self._listen, name=f"listens to {spec}", daemon=True)
         self._listener.start()
 
-    def start(self, seat: int, rules: dict[str, Any], team: int, *, keeps_annotations: bool) -> None:
+    def start(self, seat: int, rules: dict[str, Any], team: int, match: str, *, keeps_annotations: bool) -> None:
         """Begin a match under a number that is new."""
         self._answers[seat] = deque()
-        self._send(["start", seat, rules, team, keeps_annotations], n_answers=1)
+        self._send(["start", seat, rules, team, match, keeps_annotations], n_answers=1)
 
     def ask(self, seat: int, observation: bytes) -> None:
         """Show a seat an observation."""
@@ -145,6 +150,14 @@ class Worker:
     def memory_bytes(self) -> int | None:
         """Return what it holds in memory, with all that it started; None where the system does not tell."""
         return self._process.memory_bytes()
+
+    def whereabouts(self) -> str | None:
+        """Return where the fighter is, by its own stack, if it owes an answer; waits for that for a moment."""
+        if self._n_owed <= 0 or self.failure is not None:
+            return None
+        dump = self._dump = bytearray()
+        self._process.send_signal(current_call.SIGNAL)
+        return current_call.tell(self.place, current_call.await_stack(lambda: bytes(dump)))
 
     def _send(self, message: list[Any], n_answers: int = 0) -> None:
         """Tell it something; nothing comes of that if it has ended."""
@@ -265,7 +278,10 @@ class Worker:
         if not data:
             selector.unregister(self._stderr)
             return
-        self._log.write(data)
+        if self._dump is None:
+            self._log.write(data)
+        elif len(self._dump) < _CHUNK:
+            self._dump += data
         self._n_printed += len(data)
         if self._limits.output_kb is not None and self._n_printed > self._limits.output_kb << 10:
             selector.unregister(self._stderr)  # from here on, whoever goes on printing waits for us

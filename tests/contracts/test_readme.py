@@ -1,41 +1,20 @@
-"""The README and the pages of docs keep their word: links, paths, commands, targets, extras and programs are what they say."""
+"""The README and the pages of docs keep their word: links, paths, options, targets and extras are what they say."""
 
-import json
 import re
 import runpy
-import shlex
-import subprocess
 import tomllib
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from pages import LINES, PAGES, ROOT, words
 from typer.main import get_command
 
 from tournaments.cli import COMMANDS, app
 
-ROOT = Path(__file__).parents[2]
 MOST_WORDS = 700
-PAGES = {
-    str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
-    for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
-    if path.name != "layout.md"  # made of docstrings
-}
-LINES = "\n".join(PAGES.values()).replace("\\\n", " ").splitlines()
 INDENTED = re.compile(r"^ {4}(?:.* (?:--|do) )?(arena .*)$")
-PROGRAMS = [block for page in PAGES.values() for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL)]
-BOTS = [block for block in PROGRAMS if "def act(" in block]
 ROOMS = ("arena", "benchmarks", "clients", "docs", "policies", "tests", "tournaments")
-
-
-def words(command: str) -> list[str]:
-    """Return a command line as its words, up to where the shell ends it."""
-    lexer = shlex.shlex(command.replace("$seed", "1"), posix=True, punctuation_chars=";|&")
-    lexer.whitespace_split, lexer.commenters = True, ""
-    found = list(lexer)
-    ends = [at for at, word in enumerate(found) if set(word) <= set(";|&") or word.startswith("#")]
-    return found[1 : min(ends, default=None)]
 
 
 def anchors(page: str) -> set[str]:
@@ -116,21 +95,3 @@ def test_the_map_of_modules_is_the_one_that_is_generated() -> None:
     made = runpy.run_path(str(ROOT / "docs" / "make_layout.py"))["layout"]()
 
     assert made == (ROOT / "docs" / "reference" / "layout.md").read_text(encoding="utf-8"), "run `make layout`"
-
-
-@pytest.mark.parametrize("code", BOTS, ids=lambda code: re.findall(r'"""(\w+)', code)[0])
-def test_a_bot_plays_without_a_fault(code: str, here: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
-    bot = tmp_path / "mybot.py"
-    bot.write_text(code)
-
-    done = here("play", bot, "random", "--pairs", 5, "--seed", 1, "--workers", 1, "--json")
-
-    assert done.returncode == 0, done.stderr
-    report = json.loads(done.stdout)
-    assert report["faults"]["mybot"]["raised"] == report["faults"]["mybot"]["illegal"] == 0
-    assert report["score"] > 0.3
-
-
-@pytest.mark.parametrize("code", [block for block in PROGRAMS if block not in BOTS], ids=lambda code: code.partition("\n")[0])
-def test_a_program_runs(code: str) -> None:
-    exec(code, {})

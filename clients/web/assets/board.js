@@ -274,9 +274,9 @@ export class Board {
     const [down, right] = step;
     const at = (ahead, aside) => [(column + 0.5 + right * ahead + down * aside) * size, (row + 0.5 + down * ahead + right * aside) * size];
     pen.beginPath();
-    pen.moveTo(...at(0.82, 0));
-    pen.lineTo(...at(0.46, 0.28));
-    pen.lineTo(...at(0.46, -0.28));
+    pen.moveTo(...at(0.74, 0));
+    pen.lineTo(...at(0.45, 0.24));
+    pen.lineTo(...at(0.45, -0.24));
     pen.closePath();
     pen.fillStyle = colour.ink;
     pen.strokeStyle = colour[`half-${team}`];
@@ -343,6 +343,7 @@ export class Board {
     pen.lineWidth = size * 0.16;
     pen.lineJoin = "round";
     pen.strokeText(text, x, y);
+    pen.lineJoin = "miter";
     pen.fillStyle = colour.ink;
     pen.fillText(text, x, y);
   }

@@ -1,19 +1,12 @@
 """The page of a replay, in the browser: what its boards show, its keys, its timeline and its address."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import pytest
 from chromium import browser, visit
-from serving import Archive, serving
 
-from arena.game.keys import secret_from_seed
-from arena.game.ruleset import load
-from arena.local.venue import play_batch
-from arena.records.journal import Journal, read_journal
+from arena.records.journal import Journal
 from arena.records.replay import replay
-from policies import registry
-from tournaments.fixture import plan_fixture
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -21,33 +14,6 @@ if TYPE_CHECKING:
 __all__ = ["browser", "visit"]
 
 Visit = Callable[..., "Page"]
-MATCH = "0123456789abcdef"
-
-
-@pytest.fixture(scope="module")
-def data() -> bytes:
-    """Return the journal of a match of some ticks with fights and falls."""
-    plans = plan_fixture("friday", "patrol", "fighter", 4, secret_from_seed(3))
-    for record in play_batch(load("paper"), plans, registry.load("patrol"), registry.load("fighter")):
-        if record.journal is not None and record.result.ticks >= 20:
-            return record.journal
-    raise AssertionError("no match of some ticks")
-
-
-@pytest.fixture(scope="module")
-def journal(data: bytes) -> Journal:
-    return read_journal(data)
-
-
-@pytest.fixture(scope="module")
-def home(data: bytes) -> Iterator[str]:
-    with serving(Archive({MATCH: data})) as home:
-        yield home
-
-
-@pytest.fixture
-def replayed(home: str) -> str:
-    return f"{home}/match/{MATCH}"
 
 
 def test_the_address_keeps_the_tick_and_the_view_and_leads_back_there(replayed: str, journal: Journal, visit: Visit) -> None:
