@@ -154,7 +154,9 @@ class WorkerFactory:
             raise
         if not is_so:
             for worker in workers:
-                worker.kill(f"it did not answer within {self._patience_s:g} s")
+                where = " ".join((worker.whereabouts() or "").split())
+                stood = f"; {where}" if " line " in where else ""  # of a program, nothing is known
+                worker.kill(f"it did not answer within {self._patience_s:g} s{stood}")
             are_ready()
 
     def memory_bytes(self) -> int | None:
