@@ -11,5 +11,5 @@ export async function show(main, match) {
   const view = new MatchView(main);
   view.showReplay(data);
   if (!data.broken) view.announce(`${formatEnding(data.ending)}.`);
-  view.title.append(" ", h("a", { href: `/match/${encodeURIComponent(match)}`, target: "_blank", class: "hint" }, "in the arena"));
+  main.append(h("a", { href: `/match/${encodeURIComponent(match)}`, target: "_blank" }, "This match in the arena"));
 }
