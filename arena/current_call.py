@@ -85,7 +85,7 @@ def tell(place: str, frames: Iterable[tuple[str, int, str]]) -> str:
         The stack of the process that asks it, innermost first: file, line and function. Without any of the bot's own, as those of
         a program, it is only said what was asked.
     """
-    own = []
+    own: list[tuple[str, int, str]] = []
     for frame in frames:
         if frame[0] in OURS:
             break

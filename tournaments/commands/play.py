@@ -44,6 +44,9 @@ def play(
         float | None, typer.Option(min=0, metavar="SECONDS", help="With --turn-time: extra time for a match; 10 without it.")
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; one per core without it.")] = None,
+    is_stepped: Annotated[
+        bool, typer.Option("--step", help="Play the first match alone, tick by tick, on this terminal.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Let two fighters play each other in this process, and count from A's side.
@@ -67,6 +70,9 @@ def play(
     seed = secrets.randbelow(2**53) if seed is None else seed
     first, second = specs
     plans = plan_fixture("play", first, second, pairs, secret_from_seed(seed))
+    if is_stepped:
+        _step(ruleset, plans[0], specs, journals, sandbox=sandbox, others=as_json or turn_time is not None or workers is not None)
+        return
     feedback = Feedback(plans)
     with ExitStack() as fighters:
         with stdout_to_stderr():
@@ -155,7 +161,30 @@ def _on_the_clock(
     time_control = TimeControl(turn_time_s=turn_time_s)
     if bank_s is not None:
         time_control = replace(time_control, bank_s=bank_s)
-    return lambda ruleset, plans, journals, _: play_timed(ruleset, plans, fighters, time_control, journals=journals)
+    return lambda ruleset, plans, journals, on_news: play_timed(
+        ruleset, plans, fighters, time_control, journals=journals, on_news=on_news
+    )
+
+
+def _step(
+    ruleset: "Ruleset", plan: "MatchPlan", specs: dict[str, str], journals: Path | None, *, sandbox: bool, others: bool
+) -> None:
+    """Play one match as somebody looks at it, from A's side."""
+    from arena.compiling import compile_kernels, game_kernels
+    from arena.game.types import Team
+    from policies.precompile import fighter_kernels
+    from policies.registry import load_entry
+    from policies.workers.load import load_apart
+    from tournaments.authoring.stepping import step_through
+
+    if others:
+        raise InputError("--step is for somebody who looks at one match: leave out --json, --turn-time and --workers")
+    load = partial(load_apart if sandbox else load_entry, specs, cheats=True)
+    with stdout_to_stderr():
+        for name in specs:
+            load(name)
+        compile_kernels([*game_kernels(ruleset), *fighter_kernels(specs.values())])
+    step_through(ruleset, plan, load, Team.BLUE if plan.blue == next(iter(specs)) else Team.RED, journals=journals)
 
 
 def _entries(one: str, other: str) -> dict[str, str]:
