@@ -118,7 +118,7 @@ class EachSeat(BatchPolicy):
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's code may raise anything
             faults = self._faults[seat]
             faults.raised += 1
-            faults.note(*_describe(error, tick))
+            faults.note(*describe_error(error, tick))
             if faults.first_traceback is None:
                 faults.first_traceback = _bots_own(error)
             return None
@@ -146,7 +146,7 @@ class EachSeatFactory:
         return EachSeat(ruleset, team, n_seats, make=self.make)
 
 
-def _describe(error: BaseException, tick: int | None) -> tuple[str, str]:
+def describe_error(error: BaseException, tick: int | None) -> tuple[str, str]:
     """Return what kind of mistake an exception is, by the line of the bot that raised it, and a sentence that tells it."""
     when = "" if tick is None else f"tick {tick}: "
     if isinstance(error, BotError):
