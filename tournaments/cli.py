@@ -15,6 +15,7 @@ from policies.cli import policies
 from policies.training.cli import train
 from tournaments.commands.bench import bench
 from tournaments.commands.check import check
+from tournaments.commands.debug import debug
 from tournaments.commands.evaluate import evaluate
 from tournaments.commands.league import leaderboard, tournament
 from tournaments.commands.new import new
@@ -28,6 +29,7 @@ COMMANDS: dict[str, Command] = {
     "admin": admin,
     "bench": bench,
     "check": check,
+    "debug": debug,
     "doctor": doctor,
     "evaluate": evaluate,
     "join": join,
