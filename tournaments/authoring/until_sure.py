@@ -60,7 +60,10 @@ class Comparison:
         return self.better is not None or self.are_equal
 
     def add(self, scores: Sequence[float]) -> "Comparison":
-        """Return what is known after further pairs; those past the deciding one do not count."""
+        """Return what is known after further pairs; those past the deciding one do not count.
+
+        `scores` are the first one's, 0 to 2, in the planned order of the pairs; nothing is decided yet.
+        """
         forward, backward = self.forward.run(scores), self.backward.run(2 - score for score in scores)
         accepted = [test.n_pairs for test in (forward, backward) if test.verdict is Verdict.ACCEPTED]
         if accepted:
@@ -79,11 +82,13 @@ class Comparison:
 
     def progress(self) -> str:
         """Return in words how far it is."""
-        said = [
-            f"that {name} is better: {_evidence(test)}"
-            for name, test in ((self.first, self.forward), (self.second, self.backward))
-        ]
-        return f"{_pairs(self.scores)}: {self.first} scores {self._score(self.first)}; log likelihood ratio {', '.join(said)}"
+        low, high = self.forward.bounds
+        tests = (self.first, self.forward), (self.second, self.backward)
+        said = [f"{name} better {'no' if test.verdict is Verdict.REJECTED else f'{test.llr:+.2f}'}" for name, test in tests]
+        return (
+            f"{_pairs(self.scores)}: {self.first} scores {self._score(self.first)}; "
+            f"log likelihood ratio, yes from {high:+.2f} on, no from {low:+.2f}: {', '.join(said)}"
+        )
 
     def says(self) -> str:
         """Return the result in a sentence."""
@@ -116,9 +121,8 @@ class Comparison:
 
     def _score(self, name: str) -> str:
         points = [score / 2 if name == self.first else 1 - score / 2 for score in self.scores]
-        if len(points) < 2:
-            return f"{fmean(points):.2f}" if points else "nothing yet"
-        return f"{fmean(points):.2f} +- {_Z95 * stdev(points) / len(points) ** 0.5:.2f}"
+        margin = _Z95 * stdev(points) / len(points) ** 0.5 if len(points) > 1 else 0.0
+        return f"{fmean(points):.2f} +- {margin:.2f}" if margin else f"{fmean(points):.2f}"
 
 
 def play_until_sure(
@@ -154,10 +158,3 @@ def _points(name: str, record: MatchRecord) -> float:
 
 def _pairs(scores: Sequence[float]) -> str:
     return f"{len(scores):,} pair{'' if len(scores) == 1 else 's'}"
-
-
-def _evidence(test: Sprt) -> str:
-    low, high = test.bounds
-    if test.verdict is Verdict.REJECTED:
-        return "ruled out"
-    return f"{test.llr:.2f} (shown at {high:.2f}, ruled out at {low:.2f})"
