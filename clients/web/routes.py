@@ -35,6 +35,7 @@ PAGES = (
     Page(path="/open", script="open.js", link="Open"),
     Page(path="/play", script="play.js", link="Play"),
     Page(path="/league", script="league.js", link="Leaderboard"),
+    Page(path="/league/head-to-head", script="head_to_head.js"),
     Page(path="/rules", script="rules.js", link="Rules"),
 )
 ABSENT = Page(path="", script="absent.js")
@@ -45,6 +46,8 @@ QUESTIONS = {
     "play": "/api/play",
     "leagues": "/api/leagues",
     "league": "/api/league",
+    "head_to_head": "/api/league/head-to-head",
+    "ladder": "/api/ladder",
     "league_replay": "/api/league/replay",
 }
 """What a page may ask for as JSON, by the name of the handler."""

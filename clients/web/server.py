@@ -129,13 +129,24 @@ class Handlers:
         return await _answer(play_again)
 
     async def leagues(self, _: Request) -> Response:
-        """Answer with the names of the leagues in the store."""
-        return await _answer(lambda: asyncio.to_thread(lambda: {"leagues": self._leagues.names()}))
+        """Answer with the names of the leagues and of the ladders in the store."""
+        names = {"leagues": self._leagues.names, "ladders": self._leagues.ladders}
+        return await _answer(lambda: asyncio.to_thread(lambda: {kind: ask() for kind, ask in names.items()}))
 
     async def league(self, request: Request) -> Response:
         """Answer with the report of a league."""
         name = request.query_params.get("name", "")
         return await _answer(lambda: asyncio.to_thread(self._leagues.report, name))
+
+    async def head_to_head(self, request: Request) -> Response:
+        """Answer with how two entries of a league fared against each other."""
+        league, one, other = (request.query_params.get(key, "") for key in ("league", "a", "b"))
+        return await _answer(lambda: asyncio.to_thread(self._leagues.head_to_head, league, one, other))
+
+    async def ladder(self, request: Request) -> Response:
+        """Answer with the standings of a ladder."""
+        name = request.query_params.get("name", "")
+        return await _answer(lambda: asyncio.to_thread(self._leagues.ladder, name))
 
     async def league_replay(self, request: Request) -> Response:
         """Answer with a match of a league, tick by tick."""

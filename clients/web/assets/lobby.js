@@ -1,6 +1,7 @@
 // The lobby: what everyone may know of the pit, the last match, and how to join.
-import { ask, fill, h, route, setText, spectatorKey, words } from "./dom.js";
+import { ask, fill, h, route, setText, spectatorKey } from "./dom.js";
 import { LastMatch } from "./last_match.js";
+import { number, resultTable, table } from "./results.js";
 
 const EVERY_MS = 1000;
 
@@ -10,7 +11,7 @@ export function show(main) {
   const rules = h("p");
   const running = h("div");
   const waiting = h("p");
-  const results = h("div");
+  const over = h("div");
   const standings = h("div");
   const command = h("code", {}, "");
   const last = new LastMatch();
@@ -24,7 +25,7 @@ export function show(main) {
         rules,
         h("h2", {}, "Open seats"), waiting,
         h("h2", {}, "Running matches"), running,
-        h("h2", {}, "Latest results"), results, standings),
+        h("h2", {}, "Latest results"), over, standings),
       last.section),
     keyForm(),
   );
@@ -38,7 +39,7 @@ export function show(main) {
     setText(command, `arena join ${answer.address} --team any --policy mybot.py`);
     fill(running, lobby?.running.length ? runningTable(lobby.running) : h("p", {}, lobby ? "None." : "Not known."));
     setText(waiting, lobby ? formatSeats(lobby) : "Not known.");
-    fill(results, answer.results.length ? resultTable(answer.results) : h("p", {}, "No match has ended since this page's server was started."));
+    fill(over, answer.results.length ? results(answer.results) : h("p", {}, "No match has ended since this page's server was started."));
     fill(standings, lobby?.standings?.length ? ladder(lobby.standings) : null);
     fill(rules, ...(lobby ? formatRules(lobby) : []));
     last.refresh(answer.results);
@@ -53,36 +54,22 @@ function formatSeats(lobby) {
   return `${lobby.waiting.join(", ")} ${lobby.waiting.length > 1 ? "wait" : "waits"} for an opponent.${invite}`;
 }
 
-function table(name, heads, rows) {
-  return h("div", { class: "scroll", role: "region", "aria-label": name, tabindex: 0 }, h("table", { "aria-label": name },
-    h("thead", {}, h("tr", {}, heads.map((head) => (head ? h("th", { scope: "col" }, head) : h("td"))))),
-    h("tbody", {}, rows.map((cells) => h("tr", {}, cells)))));
-}
-
 function runningTable(matches) {
   return table("Running matches", ["Blue", "Red", "Tick", ""], matches.map((one) => [
-    h("td", { class: "blue" }, one.blue), h("td", { class: "red" }, one.red), h("td", { class: "number" }, `${one.tick}`),
+    h("td", { class: "blue" }, one.blue), h("td", { class: "red" }, one.red), number(one.tick),
     h("td", {}, h("a", { href: `/match/${encodeURIComponent(one.match)}`, "aria-label": `Watch ${one.blue} against ${one.red}` }, "Watch"))]));
 }
 
-/** Say who won, and how; the sides stand beside it. */
-function formatOutcome({ winner, ending, score }) {
-  if (winner === null) return words(ending === "void" ? ending : "draw");
-  return `${winner} ${ending === "tick_limit" ? `by ${Math.abs(score)} points` : `by ${words(ending)}`}`;
-}
-
-function resultTable(results) {
-  return table("Latest results", ["Blue", "Red", "Winner", "Ticks"], results.map((one) => {
+function results(matches) {
+  return resultTable("Latest results", matches.map((one) => {
     const [blue, red] = one.names ?? ["?", "?"];
-    return [h("td", { class: "blue" }, one.winner === "blue" ? h("b", {}, blue) : blue), h("td", { class: "red" }, one.winner === "red" ? h("b", {}, red) : red),
-      h("td", {}, h("a", { href: `/match/${encodeURIComponent(one.match)}`, title: one.reason || "Replay", "aria-label": `Replay of ${blue} against ${red}: ${formatOutcome(one)}` }, formatOutcome(one))),
-      h("td", { class: "number" }, `${one.ticks}`)];
+    return { ...one, blue, red, href: `/match/${encodeURIComponent(one.match)}` };
   }));
 }
 
 function ladder(rows) {
   return h("section", {}, h("h2", {}, "Ladder"), table("Ladder", ["Entry", "Rating", "Wins", "Draws", "Losses"], rows.map((row) => [h("th", { scope: "row" }, row.name),
-    ...[Number(row.rating).toFixed(1).replace("-", "\u2212"), row.wins, row.draws, row.losses].map((value) => h("td", { class: "number" }, `${value}`))])));
+    ...[Number(row.rating).toFixed(1).replace("-", "\u2212"), row.wins, row.draws, row.losses].map(number)])));
 }
 
 function formatRules({ rules, ruleset }) {
