@@ -20,6 +20,8 @@ NOT_RUN = {
     r"arena tournament .*(--venue ray|--ratings NAME)": "needs a cluster, or a plug-in: tests/tournaments/venues/ has them",
     r"arena bench": "measures for minutes: tests/benchmarks/",
     r"arena doctor --compile": "takes a minute: make setup runs it",
+    r"arena debug .*--tick": "waits for somebody at a debugger: tests/e2e/test_debugging_at_a_terminal.py",
+    r"arena play .*--step": "waits for somebody at a terminal: tests/e2e/test_stepping_at_a_terminal.py",
     r"arena play .*--sandbox": "needs bubblewrap: tests/arena/sandbox/",
     r"arena replay (show|verify) (TRANSCRIPT|JOURNAL|DATA)": "of a match in a pit: tests/e2e/test_transcripts.py",
 }

@@ -110,7 +110,7 @@ def debug(seat: RecordedSeat, spec: str, tick: int | None) -> bool:
         except ArenaError:
             raise
         except (Exception, SystemExit) as error:  # noqa: BLE001 - an author's code may raise anything
-            say(f"before tick 0: {describe_error(error, None)[1]}")
+            say(f"before tick 0: {describe_error(error, -1)[1]}")
             if tick is not None:
                 _examine(error)
             return True
