@@ -16,6 +16,7 @@ from policies.training.cli import train
 from tournaments.commands.bench import bench
 from tournaments.commands.check import check
 from tournaments.commands.evaluate import evaluate
+from tournaments.commands.gauntlet import gauntlet
 from tournaments.commands.league import leaderboard, tournament
 from tournaments.commands.play import play
 from tournaments.commands.serve import serve
@@ -29,6 +30,7 @@ COMMANDS: dict[str, Command] = {
     "check": check,
     "doctor": doctor,
     "evaluate": evaluate,
+    "gauntlet": gauntlet,
     "join": join,
     "keys": keys,
     "leaderboard": leaderboard,
