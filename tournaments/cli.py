@@ -18,6 +18,7 @@ from tournaments.commands.check import check
 from tournaments.commands.evaluate import evaluate
 from tournaments.commands.gauntlet import gauntlet
 from tournaments.commands.league import leaderboard, tournament
+from tournaments.commands.new import new
 from tournaments.commands.play import play
 from tournaments.commands.serve import serve
 from tournaments.commands.web import web
@@ -34,6 +35,7 @@ COMMANDS: dict[str, Command] = {
     "join": join,
     "keys": keys,
     "leaderboard": leaderboard,
+    "new": new,
     "play": play,
     "policies": policies,
     "replay": replay,

@@ -23,8 +23,11 @@ def printing() -> Iterator[StringIO]:
         yield text
 
 
+BLUE, RED = (current_call.Place("m", team) for team in Team)
+
+
 def ask(tick: int) -> None:
-    current_call.begin("m", Team.BLUE, f"tick {tick}")
+    current_call.begin(BLUE, tick)
 
 
 def test_each_line_that_a_bot_prints_says_where_it_was_printed() -> None:
@@ -33,7 +36,7 @@ def test_each_line_that_a_bot_prints_says_where_it_was_printed() -> None:
         print("one\ntwo")
         print("to stderr", file=sys.stderr)
         current_call.end()
-        current_call.begin("m", Team.RED, "the start")
+        current_call.begin(RED, current_call.START)
         print("three")
         current_call.end()
 

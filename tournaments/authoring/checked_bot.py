@@ -127,7 +127,7 @@ class CheckedBot:
             advance(1)
 
     def _play(self, match: CheckedMatch, factory: BatchFactory, opponent: BatchFactory, most_s: float) -> None:
-        trial = Trial(factory, self._ruleset, match.team, match.keys(), opponent)
+        trial = Trial(factory, self._ruleset, match.team, match.keys(), opponent, str(match.number))
         faults = trial.start()
         if faults.raised:
             why = next((sentence for sentence, _ in faults.reasons.values()), "it failed, and says nothing of it")
@@ -179,9 +179,9 @@ class CheckedBot:
     def _how_it_failed(self, match: CheckedMatch, tick: int, sentence: str) -> str:
         why = sentence.partition(": ")[2].partition("; all its units")[0]
         if why.startswith("it did not answer") and self._clock.turn_time_s is not None:
-            _, _, where = why.partition(f"{self._patience_s:g} s")
+            where = why.partition("; ")[2].partition(": ")[2]
             more = f" or the {self._clock.bank_s:g} s of extra time" if self._clock.bank_s else ""
-            why = f"no answer within {self._clock.turn_time_s:g} s{more}{where}"
+            why = f"no answer within {self._clock.turn_time_s:g} s{more}" + (f"; it stood at {where}" if where else "")
         return f"tick {tick} of {match}: {why}"
 
     def _line_of(self, traceback: str | None, sentence: str) -> str:
@@ -196,7 +196,7 @@ class CheckedBot:
         factory = self.make(is_shared=False)
         try:
             factory.prepare(PATIENCE_S)
-            trial = Trial(factory, self._ruleset, match.team, match.keys(), opponent)
+            trial = Trial(factory, self._ruleset, match.team, match.keys(), opponent, str(match.number))
             trial.start()
             until_s = time.monotonic() + most_s
             for tick, before in enumerate(match.orders):

@@ -7,15 +7,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from arena.errors import ArenaError, InputError, JournalError, UnknownNameError
-from arena.files import read_file
-from arena.records.journal import journal_name, read_journal
-from arena.records.plan import LeagueMatchId
+from arena.errors import ArenaError, InputError, UnknownNameError
+from arena.records.journal import read_journal
 from tournaments.ladder.ladder_store import LadderStore
 from tournaments.outcome import Outcome
 from tournaments.reports.head_to_head import head_to_head
 from tournaments.reports.ladder_table import describe_ladder
 from tournaments.reports.leaderboard import as_web_table
+from tournaments.reports.replays import find_visible, read_journal_file
 from tournaments.reports.report import make_report, to_document
 from tournaments.reports.tags import Course, read_course, tag_course, tag_results
 from tournaments.running.scheduler import Folders
@@ -23,7 +22,6 @@ from tournaments.store.store import Store
 
 _N_DRAWS = 200
 """Of the intervals while a league runs, when they are drawn anew after every match; then as many as in its report."""
-_MOST_BYTES = 1 << 24
 
 
 class Leagues:
@@ -105,18 +103,12 @@ class Leagues:
             played = store.identities(league)
         if identity not in played:
             raise ArenaError(f"league {name} has no match {identity} that is over")
-        match, others = LeagueMatchId.parse(identity), [LeagueMatchId.parse(one) for one in played]
-        is_pair_over = sum(one.pair_id == match.pair_id for one in others) == 2
-        is_fixture_over = sum(one.fixture == match.fixture for one in others) >= 2 * league.n_pairs
-        if not is_fixture_over and not (is_pair_over and self.report(name)["matches"]["complete"]):
+        visible = find_visible(played, league.n_pairs, is_complete=False)
+        if identity not in visible and self.report(name)["matches"]["complete"]:
+            visible = find_visible(played, league.n_pairs, is_complete=True)
+        if identity not in visible:
             raise ArenaError("the journal is not to be seen until the last match of these two is over")
-        path = self._folders.journals(name) / journal_name(identity)
-        try:
-            if path.stat().st_size > _MOST_BYTES:
-                raise JournalError(f"the journal {path.name} is too long to be one")
-            return read_file(path)
-        except OSError as error:
-            raise JournalError(f"the journal {path.name} cannot be read: {error.strerror}") from error
+        return read_journal_file(self._folders.journals(name), identity)
 
     def _open(self) -> Store:
         return Store(self._db, make=False)

@@ -50,7 +50,7 @@ def transcribe() -> Callable[[Path, Note, bytes], Path]:
     def write(path: Path, note: Note, data: bytes) -> Path:
         journal = read_journal(data)
         header = TranscriptHeader(
-            match="m", pit="pit", pit_key=bytes(32), entry_key=bytes(32), name="mybot", opponent=EVIL, team=Team.RED,
+            match=journal.name, pit="pit", pit_key=bytes(32), entry_key=bytes(32), name="mybot", opponent=EVIL, team=Team.RED,
             ruleset=journal.header.ruleset, commitment=bytes(32),
         )  # fmt: skip
         writer = TranscriptWriter(path, header)

@@ -73,6 +73,28 @@ def test_a_transcript_is_dropped_and_its_log_and_drawings_are_seen_at_their_tick
     assert EVIL in (page.get_by_role("heading", level=1).text_content() or "")
 
 
+def test_a_transcript_beside_the_journal_of_its_match_shows_its_notes_on_its_own_side_alone(
+    home: str, data: bytes, transcript: Path, tmp_path: Path, visit: Visit
+) -> None:
+    journal = tmp_path / "a.journal"
+    journal.write_bytes(data)
+    page = visit(f"{home}/open")
+    files = page.get_by_label("Journal or transcript")
+    files.set_input_files([journal, transcript])
+    says(page, "Every tick was played again and holds.")
+    boards = page.get_by_role("img")
+    for _ in range(5):
+        page.keyboard.press("ArrowRight")
+
+    assert page.get_by_role("list", name="The bot's log").locator("li").all_text_contents() == [f"{EVIL} 5"]
+    drawn = [board.evaluate(PICTURE) for board in boards.all()]
+    page.keyboard.press("d")
+    bare = [board.evaluate(PICTURE) for board in boards.all()]
+    assert [one == other for one, other in zip(drawn, bare, strict=True)] == [True, True, False]
+    files.set_input_files([journal, journal])
+    says(page, "these are not the journal and a transcript of one match")
+
+
 def test_a_journal_is_chosen_and_says_nothing_of_bots(
     home: str, data: bytes, journal: Journal, tmp_path: Path, visit: Visit
 ) -> None:

@@ -79,6 +79,7 @@ def test_each_fault_is_told_with_its_tick_and_line_and_a_league_takes_the_bot_al
     assert "bot.py, line 19" in exception
     assert any("other orders the second time, from the same keys" in one for one in told)
     assert any("random.randrange (line 15)" in one for one in told)
+    assert sentences(report)["output"] == "it prints, the first time: [1 blue tick 2] hello \\x1b[2J"
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the memory of another process is known on Linux alone")
@@ -104,9 +105,11 @@ def test_an_endless_loop_is_found_and_the_check_ends(examine: Examine) -> None:
     report = examine(loops, time_control=TimeControl(turn_time_s=0.5, bank_s=0.5))
 
     assert not report.is_accepted
-    assert sentences(report)["process"].startswith(
-        "tick 3 of match 1, blue against random: no answer within 0.5 s or the 0.5 s of extra time"
+    told = sentences(report)["process"]
+    assert told.startswith(
+        "tick 3 of match 1, blue against random: no answer within 0.5 s or the 0.5 s of extra time; it stood at"
     )
+    assert "line 3 in act" in told or "line 2 in act" in told
 
 
 def test_a_bot_that_is_always_too_slow_would_be_forfeited(examine: Examine) -> None:
