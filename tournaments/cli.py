@@ -17,6 +17,7 @@ from tournaments.commands.bench import bench
 from tournaments.commands.check import check
 from tournaments.commands.debug import debug
 from tournaments.commands.evaluate import evaluate
+from tournaments.commands.gauntlet import gauntlet
 from tournaments.commands.league import leaderboard, tournament
 from tournaments.commands.new import new
 from tournaments.commands.play import play
@@ -32,6 +33,7 @@ COMMANDS: dict[str, Command] = {
     "debug": debug,
     "doctor": doctor,
     "evaluate": evaluate,
+    "gauntlet": gauntlet,
     "join": join,
     "keys": keys,
     "leaderboard": leaderboard,

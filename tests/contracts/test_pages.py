@@ -23,6 +23,8 @@ NOT_RUN = {
     r"arena debug .*--tick": "waits for somebody at a debugger: tests/e2e/test_debugging_at_a_terminal.py",
     r"arena play .*--step": "waits for somebody at a terminal: tests/e2e/test_stepping_at_a_terminal.py",
     r"arena play .*--sandbox": "needs bubblewrap: tests/arena/sandbox/",
+    r"arena play mybot.py old/mybot.py": "the reader keeps their old version: tests/tournaments/authoring/test_until_sure.py",
+    r"arena gauntlet": "plays 600 matches: tests/tournaments/authoring/test_gauntlet.py plays few",
     r"arena replay (show|verify) (TRANSCRIPT|JOURNAL|DATA)": "of a match in a pit: tests/e2e/test_transcripts.py",
 }
 """Command lines of the arena that no page's test runs, and why; test_readme.py has the real parser read each."""
