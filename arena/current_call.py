@@ -15,7 +15,8 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from mmap import mmap
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO, cast
+from struct import Struct
+from typing import Any, TextIO, cast
 
 from arena.console import clean
 from arena.game.types import Team
@@ -26,54 +27,66 @@ SIGNAL = signal.SIGUSR1
 """Has a process that is watched write its stack."""
 _FRAME = re.compile(r'^ *File "(.*)", line (\d+) in (.*)$', re.MULTILINE)
 _MOST_FRAMES = 5
+START, END, _NOT_ASKED = -1, -2, -3
+_TICK = Struct("<i")
 _MOST_BYTES = 1 << 10
 _PATIENCE_S, _LOOK_S = 1.0, 0.02
 
 
-class Place(NamedTuple):
-    """Where a bot is in its match."""
+class Place:
+    """A seat of a match, as what is told of its bot names it."""
 
-    match: str
-    team: Team
-    moment: str
-    """As in "tick 12", or "the start"."""
+    __slots__ = ("data", "match", "team")
 
-    def mark(self) -> str:
+    def __init__(self, match: str, team: Team) -> None:
+        self.match, self.team = match, team
+        self.data = self._words().encode("utf-8", "replace")[: _MOST_BYTES - _TICK.size - 1] + b"\0"
+
+    def mark(self, tick: int) -> str:
         """Return what stands before a line that the bot prints."""
-        return f"[{self.match} {self.team.name.lower()} {self.moment}] "
+        return f"[{self.match} {self.team.name.lower()} {_moment(tick)}] "
 
-    def describe(self) -> str:
-        """Return the place in words."""
-        return f"{self.moment} of match {self.match} as {self.team.name.lower()}"
+    def describe(self, tick: int) -> str:
+        """Return in words where the bot is."""
+        return _moment(tick) + self._words()
+
+    def _words(self) -> str:
+        return f" of match {self.match} as {self.team.name.lower()}"
 
 
-_place: Place | None = None
+def _moment(tick: int) -> str:
+    return {START: "the start", END: "the end"}.get(tick, f"tick {tick}")
+
+
+_asked: tuple[Place, int] | None = None
+"""The bot that is asked now, and at which tick."""
 _shared: mmap | None = None
-"""Where another process can read the place."""
+"""The same, where another process can read it."""
 
 
-def begin(match: str, team: Team, moment: str) -> None:
-    """A bot is asked."""
-    global _place  # noqa: PLW0603 - a process asks one bot at a time
-    _place = Place(match, team, moment)
+def begin(place: Place, tick: int) -> None:
+    """A bot is asked: at a tick, at the START of its match or at the END."""
+    global _asked  # noqa: PLW0603 - a process asks one bot at a time
+    _asked = place, tick
     if _shared is not None:
-        data = _place.describe().encode("utf-8", "replace")[: _MOST_BYTES - 1] + b"\0"
-        _shared[: len(data)] = data
+        _TICK.pack_into(_shared, 0, tick)
+        _shared[_TICK.size : _TICK.size + len(place.data)] = place.data
 
 
 def end() -> None:
     """The bot has answered."""
-    global _place  # noqa: PLW0603 - as in `begin`
-    _place = None
+    global _asked  # noqa: PLW0603 - as in `begin`
+    _asked = None
     if _shared is not None:
-        _shared[0] = 0
+        _TICK.pack_into(_shared, 0, _NOT_ASKED)
 
 
 def explain(error: BaseException) -> None:
     """Note on an interrupt that was raised within a bot where that bot is."""
-    if _place is not None:
+    if _asked is not None:
+        place, tick = _asked
         frames = [(frame.filename, frame.lineno or 0, frame.name) for frame in traceback.extract_tb(error.__traceback__)]
-        error.add_note(tell(_place.describe(), frames[::-1]))
+        error.add_note(tell(place.describe(tick), frames[::-1]))
 
 
 def tell(place: str, frames: Iterable[tuple[str, int, str]]) -> str:
@@ -85,7 +98,7 @@ def tell(place: str, frames: Iterable[tuple[str, int, str]]) -> str:
         The stack of the process that asks it, innermost first: file, line and function. Without any of the bot's own, as those of
         a program, it is only said what was asked.
     """
-    own = []
+    own: list[tuple[str, int, str]] = []
     for frame in frames:
         if frame[0] in OURS:
             break
@@ -111,7 +124,7 @@ def be_watched(folder: str) -> None:
     """Let another process see, by files in a folder, where the bots of this one are; its main thread asks them."""
     global _shared  # noqa: PLW0603 - the place of a process
     path = Path(folder) / str(os.getpid())
-    path.write_bytes(bytes(_MOST_BYTES))
+    path.write_bytes(_TICK.pack(_NOT_ASKED).ljust(_MOST_BYTES, b"\0"))
     with path.open("r+b") as file:
         _shared = mmap(file.fileno(), _MOST_BYTES)
     faulthandler.register(SIGNAL, path.with_suffix(".stack").open("wb"), all_threads=False)
@@ -122,8 +135,10 @@ def look(folder: str, pids: Iterable[int]) -> Iterator[str]:
     for pid in pids:
         path = Path(folder) / str(pid)
         with suppress(OSError):
-            place = path.read_bytes().partition(b"\0")[0].decode("utf-8", "replace")
-            if place:
+            data = path.read_bytes()
+            (tick,) = _TICK.unpack_from(data)
+            if tick != _NOT_ASKED:
+                place = _moment(tick) + data[_TICK.size :].partition(b"\0")[0].decode("utf-8", "replace")
                 os.kill(pid, SIGNAL)
                 yield tell(place, await_stack(path.with_suffix(".stack").read_bytes))
 
@@ -160,7 +175,7 @@ class _MarkedStream:
 
     def __init__(self, under: TextIO) -> None:
         self._under = under
-        self._open: Place | None = None
+        self._open: tuple[Place, int] | None = None
         """Who began a line, and has not ended it."""
 
     @property
@@ -169,21 +184,22 @@ class _MarkedStream:
         return _MarkedBytes(self)
 
     def write(self, text: str) -> int:
-        place, unfinished = _place, self._open
+        asked = _asked
         pieces = []
-        if unfinished is not None and place != unfinished:
+        if self._open is not None and asked != self._open:
             pieces.append("\n")
             self._open = None
-        if place is None:
+        if asked is None:
             pieces.append(text)
         else:
+            place, tick = asked
             for number, line in enumerate(text.split("\n")):
                 if number > 0:
                     pieces.append("\n")
                     self._open = None
                 if line:
-                    pieces.append(("" if self._open else place.mark()) + clean(line.rstrip("\r").expandtabs()))
-                    self._open = place
+                    pieces.append(("" if self._open else place.mark(tick)) + clean(line.rstrip("\r").expandtabs()))
+                    self._open = asked
         self._under.write("".join(pieces))
         return len(text)
 

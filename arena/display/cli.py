@@ -1,7 +1,6 @@
 """The sub-commands of journals and transcripts: `arena replay`."""
 
 from collections import Counter
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -193,46 +192,3 @@ def show_match(
     if tick is None:
         for line in match.epilogue:
             console.print(Text(clean(line)))
-
-
-@replay.command("export")
-def export_match(
-    file: Annotated[Path, typer.Argument(help="A journal, or the transcript of a seat.")],
-    as_gif: Annotated[bool, typer.Option("--gif", help="Every tick, moving.")] = False,
-    as_png: Annotated[bool, typer.Option("--png", help="One tick.")] = False,
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Where to; here, named like the match, without it.")] = None,
-    tick: Annotated[int | None, typer.Option(help="Which tick --png shows; the last without it.")] = None,
-    team: Annotated[str | None, typer.Option(help="Whose view of a journal: blue (without it) or red.")] = None,
-    cell: Annotated[int, typer.Option(min=6, max=64, metavar="PX", help="Width of a cell.")] = 16,
-    speed: Annotated[float, typer.Option(min=0.1, max=50.0, help="Ticks per second, of --gif.")] = 4.0,
-) -> None:
-    """Draw a match as a picture for papers and talks: the two boards that `arena replay show` shows.
-
-    Of a journal, a team's view at the left and the truth at the right, with the fights marked; of a transcript, what its seat saw
-    and remembered.
-    """
-    from arena.console import progress_bar
-    from arena.display.image import count_ticks, draw, read_frames, save_gif, save_png
-
-    if as_gif == as_png:
-        raise InputError("say either --gif, for every tick, or --png, for one")
-    if as_gif and tick is not None:
-        raise InputError("--tick is for --png; --gif shows every tick")
-    if team not in (None, "blue", "red"):
-        raise InputError(f"--team is {team!r}; it must be blue or red")
-    last = count_ticks(file)
-    if tick is not None and not 0 <= tick <= last:
-        raise InputError(f"--tick is {tick}; the match has {f'ticks 0 to {last}' if last >= 0 else 'no ticks'}")
-    chosen = last if tick is None else tick
-    target = out or Path(file.with_suffix(".gif" if as_gif else ".png").name)
-    frames = read_frames(file, team)
-    if as_png:
-        save_png(draw(next(islice(frames, chosen, None)), cell), target)
-    else:
-        with progress_bar(last + 1, "drawing", each="ticks") as advance:
-            images = []
-            for frame in frames:
-                images.append(draw(frame, cell))
-                advance(1)
-        save_gif(images, target, speed)
-    say(f"{target}: {'1 tick' if as_png else f'{last + 1} ticks'}, {target.stat().st_size / 1000:,.0f} kB")

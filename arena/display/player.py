@@ -33,6 +33,10 @@ class Recording:
         self.error: ArenaError | None = None
         """Why there are no more scenes, if the match does not simply end there."""
 
+    def __len__(self) -> int:
+        """Return how many scenes there are so far."""
+        return len(self._scenes)
+
     @property
     def last(self) -> int | None:
         """The number of the last tick; None while nobody knows it."""
@@ -114,7 +118,8 @@ class Player:
     def advance(self, now_s: float) -> None:
         """Let time pass: where it plays, one tick further once it is time for it."""
         if self.is_playing and now_s >= self._next_s:
-            self._next_s = max(self._next_s, now_s - 1 / self.ticks_per_s) + 1 / self.ticks_per_s  # no ticks are rushed through
+            due_s = self._next_s + 1 / self.ticks_per_s
+            self._next_s = due_s if due_s > now_s else now_s + 1 / self.ticks_per_s  # ticks that were missed are not made up for
             self._move(1)
 
     def wait_s(self, now_s: float) -> float | None:

@@ -56,7 +56,7 @@ def draw_player(player: Player, width: int, height: int) -> Group:
     table = Table.grid(padding=(0, _GAP, 0, 0))
     if layout.aside_columns:
         hidden = player.view.panes[layout.n_boards :]
-        aside = _format_aside(player, scene, () if has_room_below else log, layout.aside_columns, min(side, n_rows))
+        aside = _format_aside(player, scene, () if has_room_below else log, layout.aside_columns, n_rows - len(below))
         labels.append(Text(f"{hidden[0]}: press v" if hidden else "orders", "italic" if hidden else "bold", no_wrap=True))
         boards.append(Text("\n", no_wrap=True, overflow="ellipsis").join(aside))
     table.add_row(*labels)

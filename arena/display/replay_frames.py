@@ -12,11 +12,13 @@ from arena.errors import JournalError
 from arena.game.engine import BatchedGame
 from arena.game.state import StateField
 from arena.game.types import Team
-from arena.records.journal import Journal, begins_journal, read_journal
+from arena.records.journal import MAGIC, Journal, read_journal
 from arena.records.replay import BrokenChainError, replay
 from arena.records.transcript import Transcript, begins_transcript, read_transcript
 from arena.records.verification import check_seals
 
+_JOURNAL = MAGIC.rpartition(b"-")[0]
+"""What journals of all versions begin with."""
 MOST_TICKS = 20_000
 """That a page is given at once."""
 
@@ -25,7 +27,7 @@ def describe_recording(data: bytes) -> dict[str, Any]:
     """Return what `describe_match` makes of a journal, or `describe_transcript` of a transcript; raises as they do."""
     if begins_transcript(data):
         return describe_transcript(data)
-    if not begins_journal(data):
+    if not data.startswith(_JOURNAL):
         raise JournalError("this is neither a journal nor a transcript: its first line is another")
     return describe_match(data)
 

@@ -218,7 +218,7 @@ def play_batch(ruleset: Ruleset, plans: Iterable[MatchPlan], blue: BatchFactory,
     """Play matches of one pairing in this thread, as many at a time as suits both fighters."""
     waiting = list(plans)[::-1]
     rows = min(getattr(make, "most_seats", ROWS) for make in (blue, red))
-    batch = _Batch(ruleset, min(rows, len(waiting)), blue, red)
+    batch = Batch(ruleset, min(rows, len(waiting)), blue, red)
     batch.start(range(batch.n_rows), [waiting.pop() for _ in range(batch.n_rows)])
     while batch.running:
         free = []
@@ -229,20 +229,20 @@ def play_batch(ruleset: Ruleset, plans: Iterable[MatchPlan], blue: BatchFactory,
         batch.start(refill, [waiting.pop() for _ in refill])
 
 
-class _Batch:
+class Batch:
     """Rows of running matches, their fighters, and their journals so far."""
 
     def __init__(self, ruleset: Ruleset, n_rows: int, blue: BatchFactory, red: BatchFactory) -> None:
         self.n_rows = n_rows
         self.running: dict[int, MatchPlan] = {}
         self._ruleset = ruleset
-        self._games = BatchedGame(ruleset, n_rows)
-        self._fighters: dict[Team, BatchPolicy] = {
+        self.games = BatchedGame(ruleset, n_rows)
+        self.fighters: dict[Team, BatchPolicy] = {
             team: make(ruleset, team, n_rows) for team, make in zip(Team, (blue, red), strict=True)
         }
-        sizes = self._games.n_units
+        sizes = self.games.n_units
         self._n_orders = sum(sizes.values())
-        self._orders = {team: np.zeros((n_rows, sizes[team]), np.int8) for team in Team}
+        self.orders = {team: np.zeros((n_rows, sizes[team]), np.int8) for team in Team}
         self._n_unreadable = np.zeros((n_rows, len(Team)), np.int64)
         self._chains = [b""] * n_rows
         self._pieces: list[list[bytes]] = [[] for _ in range(n_rows)]
@@ -251,39 +251,47 @@ class _Batch:
         """Begin new matches in free rows."""
         if not rows:
             return
-        self._games.start(rows, [plan.keys for plan in plans])
+        self.games.start(rows, [plan.keys for plan in plans])
         self._n_unreadable[rows] = 0
-        states = self._games.digestible()
+        states = self.games.digestible()
         for row, plan in zip(rows, plans, strict=True):
             header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
-            data, chain = write_start(header, self._games.state.ground[row].tobytes(), states[row].tobytes())
+            data, chain = write_start(header, self.games.state.ground[row].tobytes(), states[row].tobytes())
             self._pieces[row], self._chains[row] = [data], chain
             self.running[row] = plan
-        for fighter in self._fighters.values():
+        for fighter in self.fighters.values():
             for row, plan in zip(rows, plans, strict=True):
                 fighter.name_match(row, plan.identity)
             fighter.start(np.asarray(rows, np.intp))
 
     def play_tick(self) -> list[tuple[int, MatchRecord]]:
         """Play one tick of every running match; return the rows whose match ended, with its record."""
-        seen = self._games.observe()
-        for team, fighter in self._fighters.items():
-            self._orders[team][:] = 0
-            told = self._games.observe_without_fog() if type(fighter).is_cheat else seen
-            fighter.act(told[team], self._orders[team])
-        orders = np.concatenate([self._orders[team] for team in Team], axis=1)
-        unreadable = np.stack([(self._orders[team] < 0).any(axis=1) for team in Team], axis=1)
+        self.ask()
+        return self.step()
+
+    def ask(self) -> None:
+        """Have the fighters write their `orders`; negative ones are no orders."""
+        seen = self.games.observe()
+        for team, fighter in self.fighters.items():
+            self.orders[team][:] = 0
+            told = self.games.observe_without_fog() if type(fighter).is_cheat else seen
+            fighter.act(told[team], self.orders[team])
+
+    def step(self) -> list[tuple[int, MatchRecord]]:
+        """Play what was ordered; return as `play_tick` does."""
+        orders = np.concatenate([self.orders[team] for team in Team], axis=1)
+        unreadable = np.stack([(self.orders[team] < 0).any(axis=1) for team in Team], axis=1)
         self._n_unreadable += unreadable
         marks = unreadable.astype(np.uint8) * np.uint8(Mark.UNREADABLE)
         np.maximum(orders, 0, out=orders)
-        self._games.step(orders)
+        self.games.step(orders)
         self._write(orders, marks)
-        return [(row, self._finish(row)) for row in np.flatnonzero(self._games.is_over).tolist() if row in self.running]
+        return [(row, self._finish(row)) for row in np.flatnonzero(self.games.is_over).tolist() if row in self.running]
 
     def _write(self, orders: np.ndarray, marks: np.ndarray) -> None:
         """Add the tick to every running match's journal. This loop is the venue's cost per match: what it does, it does once."""
         tag = np.full((self.n_rows, 1), ord("T"), np.uint8)
-        records = np.concatenate([tag, orders.view(np.uint8), marks, self._games.digestible()], axis=1)
+        records = np.concatenate([tag, orders.view(np.uint8), marks, self.games.digestible()], axis=1)
         data, length, n_kept = records.tobytes(), records.shape[1], 1 + self._n_orders + len(Team)
         chains, pieces = self._chains, self._pieces
         for row in self.running:
@@ -293,8 +301,8 @@ class _Batch:
 
     def _finish(self, row: int) -> MatchRecord:
         plan = self.running.pop(row)
-        result = match_result(self._games, row)
-        for team, fighter in self._fighters.items():
+        result = match_result(self.games, row)
+        for team, fighter in self.fighters.items():
             if type(fighter).end is not BatchPolicy.end:
                 fighter.end(row, result.seen_by(team))
         self._pieces[row].append(write_ending(self._chains[row], result))
@@ -302,7 +310,7 @@ class _Batch:
         return MatchRecord(
             plan=plan,
             result=result,
-            faults=(self._fighters[Team.BLUE].take_faults(row), self._fighters[Team.RED].take_faults(row)),
+            faults=(self.fighters[Team.BLUE].take_faults(row), self.fighters[Team.RED].take_faults(row)),
             n_unreadable=(blue, red),
             journal=b"".join(self._pieces[row]),
         )

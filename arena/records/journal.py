@@ -48,8 +48,7 @@ from arena.records.framing import (
 )
 from arena.records.plan import network_name
 
-_STEM = b"ARENA-JOURNAL-"
-MAGIC = _STEM + b"1\n"
+MAGIC = b"ARENA-JOURNAL-1\n"
 CHAIN_BYTES = 32
 _KIND = "journal"
 _SUFFIX = ".journal"
@@ -202,11 +201,6 @@ def write_receipt(team: Team, receipt: Receipt) -> bytes:
 def write_signature(signature: bytes) -> bytes:
     """Return the record of the pit's signature."""
     return b"S" + signature
-
-
-def begins_journal(data: bytes) -> bool:
-    """Whether bytes begin as a journal's do, of whatever version."""
-    return data.startswith(_STEM)
 
 
 def read_journal(data: bytes) -> Journal:

@@ -27,8 +27,9 @@ MOST_BYTES = 1 << 24
 MOST_GIF_TICKS = 200
 _GIF_BOARD_PIXELS = 240
 _GIF_TICKS_PER_S = 4.0
-_AT_ONCE = 2
-_MOST_WAITING = 8
+MOST_AT_ONCE = 10
+"""Whoever asks while so many are asked for is told to come again."""
+_MADE_AT_ONCE = 2
 _VIEWS = ("blue", "red")
 
 
@@ -45,7 +46,7 @@ class Recordings:
 
     def __init__(self, pit: PitClient, leagues: Leagues) -> None:
         self._pit, self._leagues = pit, leagues
-        self._making = asyncio.Semaphore(_AT_ONCE)
+        self._making = asyncio.Semaphore(_MADE_AT_ONCE)
         self._n_asked = 0
 
     async def download(self, request: Request) -> Response:
@@ -70,7 +71,7 @@ class Recordings:
             form = FORMS.get(request.path_params["form"])
             if form is None:
                 raise InputError(f"a recording can be had as {', '.join(FORMS)}")
-            if self._n_asked >= _AT_ONCE + _MOST_WAITING:
+            if self._n_asked >= MOST_AT_ONCE:
                 raise InputError("the server has its hands full with other recordings; try again in a moment")
             self._n_asked += 1
             try:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from platformdirs import user_data_path
 
 from arena.annotations import read_annotations
-from arena.current_call import Place
+from arena.current_call import START, Place
 from arena.errors import InputError, PolicyError, UnreadableError
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, rules_values
@@ -154,7 +154,9 @@ class WorkerFactory:
             raise
         if not is_so:
             for worker in workers:
-                worker.kill(f"it did not answer within {self._patience_s:g} s")
+                where = " ".join((worker.whereabouts() or "").split())
+                stood = f"; {where}" if " line " in where else ""  # of a program, nothing is known
+                worker.kill(f"it did not answer within {self._patience_s:g} s{stood}")
             are_ready()
 
     def memory_bytes(self) -> int | None:
@@ -228,7 +230,7 @@ class _Row:
 
     worker: Worker
     number: int
-    match: str
+    place: Place
     is_begun: bool = False
     """Whether its process was told of the match."""
     is_started: bool = False
@@ -248,11 +250,11 @@ class WorkerPolicy(BatchPolicy):
         self._last_faults = [Faults() for _ in range(n_seats)]
         """Of matches that are over."""
         self._rules = rules_values(ruleset)
-        self._matches = [""] * n_seats
+        self._places = [Place("", team)] * n_seats
 
     def name_match(self, seat: int, match: str) -> None:
         """Hear what the match of `seat` is called."""
-        self._matches[seat] = match
+        self._places[seat] = Place(match, self.team)
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Begin a match for each of `seats`; `Thinking` while one is not ready for it."""
@@ -260,7 +262,7 @@ class WorkerPolicy(BatchPolicy):
             row = self._rows[seat]
             if row is None or row.is_started:
                 self._release(seat)
-                self._rows[seat] = _Row(self._factory.acquire(), self._factory.new_seat(), self._matches[seat])
+                self._rows[seat] = _Row(self._factory.acquire(), self._factory.new_seat(), self._places[seat])
         rows = [row for row in self._rows if row is not None]
         self._await(rows, self._is_started)
 
@@ -270,7 +272,7 @@ class WorkerPolicy(BatchPolicy):
             row = self._rows[seat]
             if row is not None and not row.is_asked:
                 row.is_asked = True
-                row.worker.place = self._place(row, f"tick {observations.tick[seat]}")
+                row.worker.asked = row.place, int(observations.tick[seat])
                 row.worker.ask(row.number, ObservationWriter(observations, seat).write())
         self._await([row for row in self._rows if row is not None], lambda row: row.worker.has_answer(row.number))
         for seat in range(len(observations)):
@@ -321,17 +323,14 @@ class WorkerPolicy(BatchPolicy):
         worker = row.worker
         if worker.is_loaded and not row.is_begun:
             row.is_begun = True
-            worker.place = self._place(row, "the start")
-            worker.start(row.number, self._rules, int(self.team), row.match, keeps_annotations=self.keeps_annotations)
+            worker.asked = row.place, START
+            worker.start(row.number, self._rules, int(self.team), row.place.match, keeps_annotations=self.keeps_annotations)
         if not row.is_started and worker.failure is not None:
             row.is_started = True
         elif not row.is_started and row.is_begun and (answer := worker.take(row.number)) is not None:
             row.is_started = True
             row.faults.add(answer.faults)
         return row.is_started
-
-    def _place(self, row: _Row, moment: str) -> str:
-        return Place(row.match, self.team, moment).describe()
 
     def _await(self, rows: list[_Row], is_ready: Callable[[_Row], bool]) -> None:
         def are_ready() -> bool:

@@ -116,8 +116,8 @@ class Worker:
         """Whether it can be asked."""
         self.failure: str | None = None
         """Why it answers no more, in a sentence."""
-        self.place = ""
-        """Where it is asked next, or was asked last, in words."""
+        self.asked: tuple[current_call.Place, int] | None = None
+        """Where it is asked next, or was asked last."""
         self._dump: bytearray | None = None
         """What it writes to stderr from the moment on that it is to write its stack."""
         self._wake_read, self._wake_write = os.pipe()
@@ -153,11 +153,12 @@ class Worker:
 
     def whereabouts(self) -> str | None:
         """Return where the fighter is, by its own stack, if it owes an answer; waits for that for a moment."""
-        if self._n_owed <= 0 or self.failure is not None:
+        if self.asked is None or self._n_owed <= 0 or self.failure is not None:
             return None
+        place, tick = self.asked
         dump = self._dump = bytearray()
         self._process.send_signal(current_call.SIGNAL)
-        return current_call.tell(self.place, current_call.await_stack(lambda: bytes(dump)))
+        return current_call.tell(place.describe(tick), current_call.await_stack(lambda: bytes(dump)))
 
     def _send(self, message: list[Any], n_answers: int = 0) -> None:
         """Tell it something; nothing comes of that if it has ended."""

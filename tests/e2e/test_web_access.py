@@ -43,6 +43,8 @@ PAGES = {
     "lobby": ("/", "ann"),
     "lobby before the first match": ("/", "No match"),
     "match": ("/match/{match}", "Every tick was played again and holds."),
+    "embedded match": ("/embed/match/{match}", "This match in the arena"),
+    "open": ("/open", "Drop a journal"),
     "before a match": ("/play", "Take a seat"),
     "in a match": ("/play", "Take a seat"),
     "league": ("/league", "2 of 2 matches"),

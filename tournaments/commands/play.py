@@ -26,7 +26,14 @@ if TYPE_CHECKING:
 def play(
     one: Annotated[str, typer.Argument(metavar="A", autocompletion=complete_policy, help="A fighter, or a bot file.")],
     other: Annotated[str, typer.Argument(metavar="B", autocompletion=complete_policy, help="Another, or the same.")],
-    pairs: Annotated[int, typer.Option(min=1, max=1_000_000, help="Maps; each is played twice, sides swapped.")] = 10,
+    pairs: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=1_000_000,
+            help="Maps; each is played twice, sides swapped. 10 without it; at most 2,000 with --until-sure.",
+        ),
+    ] = None,
     rules: Annotated[str, typer.Option(metavar="NAME|FILE.toml", autocompletion=complete_ruleset, help="The ruleset.")] = "paper",
     settings: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a rule, as in side=16.")
@@ -43,7 +50,19 @@ def play(
     bank: Annotated[
         float | None, typer.Option(min=0, metavar="SECONDS", help="With --turn-time: extra time for a match; 10 without it.")
     ] = None,
+    until_sure: Annotated[
+        bool, typer.Option("--until-sure", help="Play until one is shown to be better, or both to be equal.")
+    ] = False,
+    margin: Annotated[
+        float | None,
+        typer.Option(
+            min=1, metavar="ELO", help="With --until-sure: the difference to be found; 50 without it. Less takes longer."
+        ),
+    ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; one per core without it.")] = None,
+    is_stepped: Annotated[
+        bool, typer.Option("--step", help="Play the first match alone, tick by tick, on this terminal.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Let two fighters play each other in this process, and count from A's side.
@@ -60,13 +79,22 @@ def play(
     from arena.game.keys import secret_from_seed
     from policies.precompile import fighter_kernels
     from tournaments.authoring.feedback import Feedback
+    from tournaments.authoring.until_sure import MARGIN_ELO, MOST_PAIRS, Comparison, play_until_sure
     from tournaments.fixture import plan_fixture, tally
+
+    if margin is not None and not until_sure:
+        raise InputError("--margin is the difference that --until-sure looks for; give both, or neither")
 
     ruleset = _ruleset(rules, settings or [], board)
     specs = _entries(one, other)
     seed = secrets.randbelow(2**53) if seed is None else seed
     first, second = specs
+    pairs = pairs or (MOST_PAIRS if until_sure else 10)
+    comparison = Comparison.begin(first, second, margin or MARGIN_ELO) if until_sure else None
     plans = plan_fixture("play", first, second, pairs, secret_from_seed(seed))
+    if is_stepped:
+        _step(ruleset, plans[0], specs, journals, sandbox=sandbox, others=as_json or turn_time is not None or workers is not None)
+        return
     feedback = Feedback(plans)
     with ExitStack() as fighters:
         with stdout_to_stderr():
@@ -80,19 +108,29 @@ def play(
             def hear(news: "News") -> None:
                 advance(feedback.hear(news))
 
-            records = []
-            try:
-                for record in play_matches(ruleset, plans, journals, hear):
-                    records.append(record)
+            def play_some(some: "Sequence[MatchPlan]") -> "Iterator[MatchRecord]":
+                for record in play_matches(ruleset, some, journals, hear):
                     advance(feedback.count(record))
+                    yield record
+
+            try:
+                if comparison is None:
+                    records = list(play_some(plans))
+                else:
+                    comparison, records = play_until_sure(plans, comparison, play_some, partial(say, err=True))
             except KeyboardInterrupt:
                 say(feedback.stopped(first, second), err=True)
                 raise
-    result = tally(first, second, records)
+    result, pairs = tally(first, second, records), len(records) // 2
     if as_json:
-        print_json(_facts([first, second], result, feedback, ruleset, seed, pairs, turn_time, journals))
+        facts = _facts([first, second], result, feedback, ruleset, seed, pairs, turn_time, journals)
+        print_json(facts if comparison is None else {**facts, "until_sure": comparison.to_dict()})
     else:
         _print_tally([first, second], result, ruleset, seed, pairs, turn_time, journals)
+        if one != other and second not in _own_names(one, other):
+            say(f"{second} is {other}")
+        if comparison is not None:
+            say(comparison.says())
         for line in feedback.summary():
             say(line)
     for name, faults in result.faults.items():
@@ -155,18 +193,45 @@ def _on_the_clock(
     time_control = TimeControl(turn_time_s=turn_time_s)
     if bank_s is not None:
         time_control = replace(time_control, bank_s=bank_s)
-    return lambda ruleset, plans, journals, _: play_timed(ruleset, plans, fighters, time_control, journals=journals)
+    return lambda ruleset, plans, journals, on_news: play_timed(
+        ruleset, plans, fighters, time_control, journals=journals, on_news=on_news
+    )
+
+
+def _step(
+    ruleset: "Ruleset", plan: "MatchPlan", specs: dict[str, str], journals: Path | None, *, sandbox: bool, others: bool
+) -> None:
+    """Play one match as somebody looks at it, from A's side."""
+    from arena.compiling import compile_kernels, game_kernels
+    from arena.game.types import Team
+    from policies.precompile import fighter_kernels
+    from policies.registry import load_entry
+    from policies.workers.load import load_apart
+    from tournaments.authoring.stepping import step_through
+
+    if others:
+        raise InputError("--step is for somebody who looks at one match: leave out --json, --turn-time and --workers")
+    load = partial(load_apart if sandbox else load_entry, specs, cheats=True)
+    with stdout_to_stderr():
+        for name in specs:
+            load(name)
+        compile_kernels([*game_kernels(ruleset), *fighter_kernels(specs.values())])
+    step_through(ruleset, plan, load, Team.BLUE if plan.blue == next(iter(specs)) else Team.RED, journals=journals)
 
 
 def _entries(one: str, other: str) -> dict[str, str]:
     """Name two entries by their fighters, the second of two alike with a -2."""
-    from policies.registry import mark
-    from tournaments.league.entries import name_of
-
-    names = [name_of(mark(spec)).encode("utf-8", "replace").decode() for spec in (one, other)]  # a file's name may be no text
+    names = _own_names(one, other)
     if names[0] == names[1]:
         names[1] += "-2"
     return dict(zip(names, (one, other), strict=True))
+
+
+def _own_names(*specs: str) -> list[str]:
+    from policies.registry import mark
+    from tournaments.league.entries import name_of
+
+    return [name_of(mark(spec)).encode("utf-8", "replace").decode() for spec in specs]  # a file's name may be no text
 
 
 def _ruleset(rules: str, settings: list[str], board: Path | None) -> "Ruleset":

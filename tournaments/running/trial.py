@@ -34,13 +34,22 @@ class Trial:
     ----------
     opponent
         Who plays the other side; nobody without one: all its units stay.
+    name
+        What the match is called where the fighter prints something.
     """
 
     def __init__(
-        self, make: BatchFactory, ruleset: Ruleset, team: Team, keys: MatchKeys, opponent: BatchFactory | None = None
+        self,
+        make: BatchFactory,
+        ruleset: Ruleset,
+        team: Team,
+        keys: MatchKeys,
+        opponent: BatchFactory | None = None,
+        name: str = "trial",
     ) -> None:
         self.team = team
         self._fighter = make(ruleset, team, 1)
+        self._fighter.name_match(0, name)
         self._opponent = None if opponent is None else opponent(ruleset, team.other, 1)
         self._games = BatchedGame(ruleset, 1)
         self._games.start([0], [keys])

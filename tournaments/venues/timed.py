@@ -15,7 +15,7 @@ from threading import Event
 from arena.game.ruleset import Ruleset, rules_values
 from arena.game.types import Team
 from arena.local.saving import make_folder, save
-from arena.local.venue import MatchRecord
+from arena.local.venue import MatchRecord, OnNews, announce
 from arena.match.effects import Ask, Effect, End, Write
 from arena.match.match import Match, Phase
 from arena.match.time_control import TimeControl
@@ -39,6 +39,7 @@ def play(
     time_control: TimeControl,
     *,
     journals: Path | None = None,
+    on_news: OnNews | None = None,
 ) -> Iterator[MatchRecord]:
     """Play matches one after the other, and yield each as it ends.
 
@@ -47,8 +48,12 @@ def play(
     fighters
         By name. One in processes of its own is waited for as long as the clock allows; another thinks in this thread, and what it
         takes is known once it has answered.
+    on_news
+        Called as soon as a match ends.
     """
     records = _play(ruleset, plans, fighters, time_control)
+    if on_news is not None:
+        records = announce(records, on_news)
     if journals is None:
         return records
     make_folder(journals)
@@ -230,9 +235,9 @@ class _TimedMatch:
         """Return what went wrong on a seat, its late turns among it."""
         side, now_s = self._sides[team], time.monotonic()
         faults = side.seat.faults()
-        for kind, ticks in ((LATE, side.late), (SLOW, side.slow)):
+        for kind, ticks, then in ((LATE, side.late, "all its units stay"), (SLOW, side.slow, "the bank pays")):
             if ticks:
-                faults.note(kind, side.describe(*ticks[0], self._turn_time_s, now_s), len(ticks))
+                faults.note(kind, f"{side.describe(*ticks[0], self._turn_time_s, now_s)}; {then}", len(ticks))
         return faults
 
 

@@ -10,6 +10,6 @@ export async function show(main, match) {
   }
   const view = new MatchView(main);
   view.showReplay(data);
-  if (!data.broken) view.announce(`${formatEnding(data.ending)}.`);
-  view.title.append(" ", h("a", { href: `/match/${encodeURIComponent(match)}`, target: "_blank", class: "hint" }, "in the arena"));
+  if (!data.broken) view.announce(`Over: ${formatEnding(data.ending)}.`);
+  main.append(h("a", { href: `/match/${encodeURIComponent(match)}`, target: "_blank" }, "This match in the arena"));
 }

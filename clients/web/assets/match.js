@@ -25,6 +25,7 @@ class MatchPage extends MatchView {
   }
 
   begin() {
+    this.early = ask(this.source); // most matches are over, and then nobody waits until that is known
     if (this.isOfLeague) this.replay(1);
     else this.listen();
   }
@@ -40,6 +41,7 @@ class MatchPage extends MatchView {
 
   hear(message) {
     const { kind } = message;
+    if (kind !== "absent") this.early = null;
     if (kind === "absent") {
       this.isGone = true;
       this.replay(this.player || this.ending ? MOST_TRIES : 1);
@@ -69,7 +71,8 @@ class MatchPage extends MatchView {
   }
 
   async replay(tries) {
-    const answer = await ask(this.source);
+    const answer = await (this.early ?? ask(this.source));
+    this.early = null;
     if (!answer.error) {
       this.showReplay(answer);
     } else if (tries > 1) {

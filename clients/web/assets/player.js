@@ -36,7 +36,7 @@ export class Player {
     this.isWhole = false; // a replay, to which nothing is added
     this.hovered = null;
     this.followed = null;
-    this.isOfBot = data.ticks.some((tick) => tick.annotations);
+    this.isOfBot = data.ticks.some(({ annotations }) => annotations?.log.length || annotations?.draw.length);
     this.layers = { orders: true, trails: false, sight: false, heat: "", drawings: true, log: true };
     this.views = data.team === undefined ? [TEAMS[0], TRUTH, TEAMS[1]] : [TEAMS[data.team]];
     this.chosen = [...this.views, ALL].includes(view) ? view : "";

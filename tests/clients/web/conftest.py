@@ -44,12 +44,13 @@ def home(data: bytes) -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def transcribe(journal: Journal) -> Callable[[Path, Note], Path]:
-    """Return how red's transcript of that match is written, whose bot notes on each tick what it is told to."""
+def transcribe() -> Callable[[Path, Note, bytes], Path]:
+    """Return how red's transcript of a match is written, whose bot notes on each tick what it is told to."""
 
-    def write(path: Path, note: Note) -> Path:
+    def write(path: Path, note: Note, data: bytes) -> Path:
+        journal = read_journal(data)
         header = TranscriptHeader(
-            match="m", pit="pit", pit_key=bytes(32), entry_key=bytes(32), name="mybot", opponent=EVIL, team=Team.RED,
+            match=journal.name, pit="pit", pit_key=bytes(32), entry_key=bytes(32), name="mybot", opponent=EVIL, team=Team.RED,
             ruleset=journal.header.ruleset, commitment=bytes(32),
         )  # fmt: skip
         writer = TranscriptWriter(path, header)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from chromium import browser, says, visit
+from chromium import axe, browser, says, visit
 from serving import EVIL, is_harmless
 
 from arena.annotations import Annotations
@@ -15,7 +15,7 @@ from arena.records.journal import Journal
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-__all__ = ["browser", "visit"]
+__all__ = ["axe", "browser", "visit"]
 
 Visit = Callable[..., "Page"]
 DROP = """
@@ -29,7 +29,7 @@ PICTURE = "it => it.toDataURL()"
 
 
 @pytest.fixture
-def transcript(transcribe: Callable[..., Path], tmp_path: Path) -> Path:
+def transcript(transcribe: Callable[..., Path], data: bytes, tmp_path: Path) -> Path:
     """Return a transcript whose bot logs at ticks 3 and 5, and draws at 5."""
 
     def note(notes: Annotations, tick: int) -> None:
@@ -40,11 +40,11 @@ def transcript(transcribe: Callable[..., Path], tmp_path: Path) -> Path:
             notes.draw.path([(1, 1), (1, 5)], "green")
             notes.draw.heat(np.eye(20), "blue")
 
-    return transcribe(tmp_path / "mybot.transcript", note)
+    return transcribe(tmp_path / "mybot.transcript", note, data)
 
 
 def test_a_transcript_is_dropped_and_its_log_and_drawings_are_seen_at_their_tick_and_switched(
-    home: str, transcript: Path, visit: Visit
+    home: str, transcript: Path, visit: Visit, axe: Callable[..., str]
 ) -> None:
     page = visit(f"{home}/open")
     says(page, "Drop a journal or a transcript")
@@ -67,8 +67,32 @@ def test_a_transcript_is_dropped_and_its_log_and_drawings_are_seen_at_their_tick
     assert board.evaluate(PICTURE) == drawn
     page.keyboard.press("l")
     log.wait_for(state="hidden")
+    page.keyboard.press("l")
+    assert axe(page, False) == ""
     assert is_harmless(page)
     assert EVIL in (page.get_by_role("heading", level=1).text_content() or "")
+
+
+def test_a_transcript_beside_the_journal_of_its_match_shows_its_notes_on_its_own_side_alone(
+    home: str, data: bytes, transcript: Path, tmp_path: Path, visit: Visit
+) -> None:
+    journal = tmp_path / "a.journal"
+    journal.write_bytes(data)
+    page = visit(f"{home}/open")
+    files = page.get_by_label("Journal or transcript")
+    files.set_input_files([journal, transcript])
+    says(page, "Every tick was played again and holds.")
+    boards = page.get_by_role("img")
+    for _ in range(5):
+        page.keyboard.press("ArrowRight")
+
+    assert page.get_by_role("list", name="The bot's log").locator("li").all_text_contents() == [f"{EVIL} 5"]
+    drawn = [board.evaluate(PICTURE) for board in boards.all()]
+    page.keyboard.press("d")
+    bare = [board.evaluate(PICTURE) for board in boards.all()]
+    assert [one == other for one, other in zip(drawn, bare, strict=True)] == [True, True, False]
+    files.set_input_files([journal, journal])
+    says(page, "these are not the journal and a transcript of one match")
 
 
 def test_a_journal_is_chosen_and_says_nothing_of_bots(

@@ -80,3 +80,17 @@ def test_a_question_mark_shows_the_keys_and_layers_are_switched_by_theirs(replay
     assert page.get_by_label("Tick", exact=True).input_value() == "0"
     page.keyboard.press("Escape")
     keys.wait_for(state="hidden")
+
+
+def test_on_a_telephone_one_board_and_its_timeline_are_seen_at_once(replayed: str, visit: Visit) -> None:
+    page = visit(replayed, width=390)
+    for name in ("blue", "truth", "red"):
+        page.get_by_role("button", name=name, exact=True).click()
+        board, timeline = page.get_by_role("img"), page.get_by_label("Tick", exact=True)
+        assert board.count() == 1
+        for box in (board.bounding_box(), timeline.bounding_box(), page.get_by_role("button", name="Play").bounding_box()):
+            assert box is not None
+            assert box["x"] >= 0
+            assert box["x"] + box["width"] <= 390
+            assert box["y"] + box["height"] <= 844
+    assert page.get_by_role("button", name="all").count() == 0
