@@ -43,6 +43,7 @@ from arena.protocol.messages import (
     Lobby,
     Message,
     Orders,
+    PastTruth,
     PublicState,
     Ready,
     Receipt,
@@ -69,6 +70,7 @@ from arena.protocol.signed import check_journal, check_receipt, commit, read_sta
 from arena.protocol.topics import (
     action,
     all_actions,
+    all_delayed,
     all_journals,
     all_observations,
     all_presence,
@@ -76,6 +78,7 @@ from arena.protocol.topics import (
     all_truths,
     beat,
     check_chunk,
+    delayed,
     is_chunk,
     join,
     journal,
@@ -140,6 +143,10 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
             match=MATCH, lane=999_999, team=1, ruleset=PAPER, opponent="ann", turn_time_s=None, bank_s=0.125, tick=99, secret=B,
             commitment=b"c" * 200,
         ),
+        Ticket(
+            match=MATCH, lane=0, team=0, ruleset={}, opponent="bob", turn_time_s=1.0, bank_s=10.0, tick=0, secret=A,
+            commitment=b"c", public_delay=20,
+        ),
     ),
     "no seat yet": (Wait(reason="no opponent yet"),),
     "no seat": (Refusal(reason="the name is another's"),),
@@ -166,6 +173,7 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
     "a receipt": (Receipt(n_shown=101, head=A, signature=SIGNATURE),),
     "public facts": (PublicState(tick=5, names=["ann", "bob"], living=[6, 4], score=-20, commitment=b"c"),),
     "the truth": (Truth(tick=5, board=bytes(range(9)), seen=[b"blue", b"red"]),),
+    "the truth of a while ago": (PastTruth(match=MATCH, tick=5, board=bytes(range(9)), seen=[b"blue", b"red"]),),
     "a request for a journal": (JournalRequest(offset=0), JournalRequest(offset=1 << 20)),
     "a piece of a journal": (JournalPiece(n_bytes=5_000_000_000, offset=7, data=b"piece"),),
     "the lobby": (
@@ -236,8 +244,19 @@ def test_bytes_that_are_no_message_are_refused_in_the_words_of_before(same: Same
 
 
 def test_the_keys_of_the_network_are_those_of_before(same: Same) -> None:
-    seat_topics, match_topics = (observation, action), (public, truth, journal)
-    pit_topics = (join, lobby, beat, all_observations, all_actions, all_public, all_truths, all_journals, all_presence)
+    seat_topics, match_topics = (observation, action), (public, truth, journal, delayed)
+    pit_topics = (
+        join,
+        lobby,
+        beat,
+        all_observations,
+        all_actions,
+        all_public,
+        all_truths,
+        all_journals,
+        all_presence,
+        all_delayed,
+    )
     readers = (read_action, read_match, read_journal, read_presence)
     told = [topic("pit", 7, team) for topic in seat_topics for team in Team]
     told += [topic("pit", MATCH) for topic in match_topics]
