@@ -7,6 +7,7 @@ may rely on this:
 - its module imports no more than `typer` and `arena.console` when it is imported; heavy imports stand inside the function, so
   that `arena --help` stays quick;
 - an `ArenaError` that it raises ends the command: one sentence on stderr, and the error's own exit code;
+- a `KeyboardInterrupt` ends the command with exit code 130, and its notes are said;
 - tables go out by `arena.console.print_table`, and with `--json` the same values by `print_json`; lines go out by `say`.
   All three clean what they print, so that no text of a stranger's reaches the terminal raw.
 """
@@ -50,6 +51,14 @@ def make_app(commands: Mapping[str, Command]) -> typer.Typer:
             if ctx.resilient_parsing:
                 return None
             raise UnknownNameError("command", cmd_name, {*commands, *points})
+
+        def invoke(self, ctx: Any) -> Any:
+            try:
+                return super().invoke(ctx)
+            except KeyboardInterrupt as error:
+                for note in getattr(error, "__notes__", ()):  # where each bot is
+                    say_lines(note, err=True)
+                raise
 
     app = typer.Typer(
         cls=Commands,

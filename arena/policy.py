@@ -140,6 +140,9 @@ class BatchPolicy(ABC):
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int) -> None:
         self.ruleset, self.team, self.n_seats = ruleset, team, n_seats
 
+    def name_match(self, seat: int, match: str) -> None:
+        """Hear, before `start`, what the match of `seat` is called: for what its author is told."""
+
     def start(self, seats: NDArray[np.intp]) -> None:
         """Forget what `seats` remember: a new match begins there."""
 

@@ -192,7 +192,7 @@ class Runner:
 
     def _make_seat(self, ticket: Ticket, commitment: bytes, pit_key: bytes) -> Seat:
         settings = self._settings
-        seat = Seat(ticket, commitment, settings.make)
+        seat = Seat(ticket, commitment, settings.make, clock=time.monotonic)
         if settings.transcripts is not None:
             header = TranscriptHeader(
                 match=ticket.match,

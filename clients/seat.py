@@ -6,6 +6,7 @@ tick after the other. An answer that the referee does not wait for any more is n
 """
 
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -62,7 +63,15 @@ class _Shown(NamedTuple):
 class Seat:
     """A policy that plays one seat."""
 
-    def __init__(self, ticket: Ticket, commitment: bytes, make: BatchFactory) -> None:
+    def __init__(
+        self,
+        ticket: Ticket,
+        commitment: bytes,
+        make: BatchFactory,
+        *,
+        match: str = "",
+        clock: Callable[[], float] | None = None,
+    ) -> None:
         self.ticket, self.commitment = ticket, commitment
         self.ruleset, self.team = read_ticket(ticket)
         self.ended: Ended | None = None
@@ -70,10 +79,18 @@ class Seat:
         """Observations that the policy has been shown, and has answered."""
         self.is_behind = False
         """Whether a turn was lost on its way; the referee sends what is missing to who takes the seat again."""
+        self.charges_us: list[int] = []
+        """What the pit's clock charged for each turn, as far as it has said so; `UNKNOWN_US` where it has not."""
+        self.took_s: dict[int, float] = {}
+        """How long the policy thought about each tick, by `clock`."""
+        self._clock = clock
+        self._began_s: float | None = None
+        """When the policy was shown the first observation that waits."""
         self._reader = ObservationReader(self.ruleset, self.team)
         self._in_memory: tuple[bytes, Observations] | None = None
         """The observation that was read last: its bytes, and what they say."""
         self._policy: BatchPolicy = make(self.ruleset, self.team, 1)
+        self._policy.name_match(0, match or ticket.match)
         self._has_started = False
         self._must_say_ready = False
         self._waiting: deque[_Shown] = deque()
@@ -208,6 +225,8 @@ class Seat:
         if turn.tick == self._n_received:
             self._read(turn.observation, turn.tick)
             self._waiting.append(_Shown(turn.observation, None, turn.charged_us))
+            self.charges_us += [UNKNOWN_US] * (turn.tick - 1 - len(self.charges_us))
+            self.charges_us += [turn.charged_us] * (turn.tick > len(self.charges_us))
         self._asked_tick = turn.tick
         if turn.tick < self.known_ticks:
             return [self._orders_of(turn.tick)]
@@ -243,6 +262,8 @@ class Seat:
         """Show the policy an observation; its answer is kept, or what was played if that is history."""
         observations = self._read(shown.observation, self.known_ticks)
         self._orders[:] = 0
+        if self._clock is not None and self._began_s is None:
+            self._began_s = self._clock()
         try:
             self._policy.act(observations, self._orders)
         except Thinking as thinking:
@@ -250,6 +271,9 @@ class Seat:
             if is_asked or not thinking.has_seen:
                 raise
             self._orders[:] = 0
+        if self._clock is not None and self._began_s is not None:
+            self.took_s[self.known_ticks] = self._clock() - self._began_s
+            self._began_s = None
         self.known_ticks += 1
         self._answers.append(self._orders.tobytes() if shown.played is None else shown.played)
         self._head.add(shown.observation)

@@ -12,6 +12,7 @@ from arena.errors import PolicyError
 from arena.files import MOST_TEXT_BYTES, read_file
 from policies.each_seat import MakeBot, WithoutMemory
 
+NO_BOT = "has no bot; write a function act(observation), or a class with a method act(self, observation)"
 _CLASS_NAMES = ("Policy", "Bot")
 
 
@@ -42,7 +43,7 @@ def load_bot(file: str) -> MakeBot:
         raise PolicyError(f"{file} has several bots, {' and '.join(sorted(fighters))}; name the one to play Policy")
     for fighter in fighters.values():
         return fighter
-    raise PolicyError(f"{file} has no bot; write a function act(observation), or a class with a method act(self, observation)")
+    raise PolicyError(f"{file} {NO_BOT}")
 
 
 def _import(path: Path) -> ModuleType:

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import arena.policy
+from arena import current_call
 from arena.annotations import Annotations
+from arena.current_call import END, START, Place
 from arena.game.observation import Observation, Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team
@@ -21,6 +23,7 @@ MakeBot = Callable[[], Any]
 UNREADABLE = -1
 """Written into all orders of a seat that gave none: its units stay, and the referee counts it."""
 _OURS = {__file__, arena.policy.__file__}
+current_call.OURS |= _OURS
 _MOST_FRAMES, _MOST_LETTERS, _MOST_WORDS_LETTERS = 20, 4000, 200
 
 
@@ -42,6 +45,11 @@ class EachSeat(BatchPolicy):
         self._is_started = np.zeros(n_seats, np.bool_)
         self._is_over = np.zeros(n_seats, np.bool_)
         self._annotations = [b""] * n_seats
+        self._places = [Place("", team)] * n_seats
+
+    def name_match(self, seat: int, match: str) -> None:
+        """Hear what the match of `seat` is called."""
+        self._places[seat] = Place(match, self.team)
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Make a fresh bot for each of `seats`, and start its match."""
@@ -49,7 +57,7 @@ class EachSeat(BatchPolicy):
             self._is_started[seat], self._is_over[seat] = True, False
             self._faults[seat] = Faults()
             self._bots[seat] = self._call(seat, self._make)
-            self._notify(seat, "start", MatchInfo(ruleset=self.ruleset, team=self.team))
+            self._notify(seat, "start", MatchInfo(ruleset=self.ruleset, team=self.team), START)
 
     def act(self, observations: Observations, orders: Orders) -> None:
         """Ask each bot; a seat without a readable answer gets UNREADABLE, and one whose match has ended is not asked."""
@@ -67,7 +75,7 @@ class EachSeat(BatchPolicy):
 
     def end(self, seat: int, result: MatchResult) -> None:
         """End the match of the bot of `seat`, and drop the bot."""
-        self._notify(seat, "end", result)
+        self._notify(seat, "end", result, END)
         self._bots[seat] = None
         self._is_started[seat], self._is_over[seat] = False, True
 
@@ -94,14 +102,18 @@ class EachSeat(BatchPolicy):
             self._faults[seat].note(kind, f"tick {observation.tick}: {why}; all its units stay")
         return actions
 
-    def _notify(self, seat: int, event: str, message: MatchInfo | MatchResult) -> None:
+    def _notify(self, seat: int, event: str, message: MatchInfo | MatchResult, tick: int) -> None:
         if hasattr(self._bots[seat], event):
-            self._call(seat, getattr(self._bots[seat], event), message)
+            self._call(seat, getattr(self._bots[seat], event), message, tick=tick)
 
-    def _call(self, seat: int, method: Callable[..., Any], *arguments: Any, tick: int | None = None) -> Any:
+    def _call(self, seat: int, method: Callable[..., Any], *arguments: Any, tick: int = START) -> Any:
         """Return what a method of a bot returns, or None with the fault noted."""
+        current_call.begin(self._places[seat], tick)
         try:
             return method(*arguments)
+        except KeyboardInterrupt as error:
+            current_call.explain(error)
+            raise
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's code may raise anything
             faults = self._faults[seat]
             faults.raised += 1
@@ -109,6 +121,8 @@ class EachSeat(BatchPolicy):
             if faults.first_traceback is None:
                 faults.first_traceback = _bots_own(error)
             return None
+        finally:
+            current_call.end()
 
 
 class WithoutMemory:
@@ -131,9 +145,9 @@ class EachSeatFactory:
         return EachSeat(ruleset, team, n_seats, make=self.make)
 
 
-def _describe(error: BaseException, tick: int | None) -> tuple[str, str]:
+def _describe(error: BaseException, tick: int) -> tuple[str, str]:
     """Return what kind of mistake an exception is, by the line of the bot that raised it, and a sentence that tells it."""
-    when = "" if tick is None else f"tick {tick}: "
+    when = f"tick {tick}: " if tick >= 0 else ""
     if isinstance(error, BotError):
         return type(error).__name__, f"{when}{error}; all its units stay"
     what = " ".join(traceback.format_exception_only(error)[-1].split())[:_MOST_WORDS_LETTERS]

@@ -8,25 +8,32 @@ from arena.display.cli import replay
 from arena.keyring.cli import keys
 from clients.commands.admin import admin
 from clients.commands.doctor import doctor
+from clients.commands.export import export_match
 from clients.commands.join import join
 from clients.commands.watch import watch
 from policies.cli import policies
 from policies.training.cli import train
 from tournaments.commands.bench import bench
+from tournaments.commands.check import check
 from tournaments.commands.evaluate import evaluate
 from tournaments.commands.league import leaderboard, tournament
+from tournaments.commands.new import new
 from tournaments.commands.play import play
 from tournaments.commands.serve import serve
 from tournaments.commands.web import web
 
+replay.command("export")(export_match)  # it draws with the web page's scripts, so it stands above `arena.display`
+
 COMMANDS: dict[str, Command] = {
     "admin": admin,
     "bench": bench,
+    "check": check,
     "doctor": doctor,
     "evaluate": evaluate,
     "join": join,
     "keys": keys,
     "leaderboard": leaderboard,
+    "new": new,
     "play": play,
     "policies": policies,
     "replay": replay,

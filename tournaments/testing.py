@@ -19,9 +19,9 @@ Fighter = str | Path | Callable[..., Any]
 """A fighter's name, a bot file, `exec:COMMAND`, a function `act(observation)`, or a class with `act`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Score:
-    """How a bot did in some pairs; `str` says it in a sentence, for the message of an assertion."""
+    """How a bot did in some pairs; `str` says it, for the message of an assertion, and why its turns failed."""
 
     wins: int
     draws: int
@@ -43,11 +43,14 @@ class Score:
         """Turns in which the bot raised, or did not answer with one action per unit."""
         return self.faults.raised + self.faults.illegal
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         low, high = self.interval
-        said = f"{self.wins} wins, {self.draws} draws, {self.losses} losses: score {self.score:.3f} ({low:.3f} to {high:.3f})"
+        counts = f"{self.wins} wins, {self.draws} draws, {self.losses} losses, {self.n_faults} failed turns"
+        return f"{counts}: score {self.score:.3f} ({low:.3f} to {high:.3f})"
+
+    def __str__(self) -> str:
         reasons = [f"{first} ({count} times)" for first, count in self.faults.reasons.values()]
-        return "\n".join([said, *reasons, *([self.faults.first_traceback] if self.faults.first_traceback else [])])
+        return "\n".join([repr(self), *reasons, *([self.faults.first_traceback] if self.faults.first_traceback else [])])
 
 
 def play_pairs(bot: Fighter, opponent: Fighter, pairs: int = 20, *, rules: str | Ruleset = "paper", seed: int = 0) -> Score:
@@ -74,8 +77,8 @@ def play_pairs(bot: Fighter, opponent: Fighter, pairs: int = 20, *, rules: str |
     >>> def act(observation):
     ...     return [0 for _ in observation.units]
     >>> score = play_pairs(act, "rush", pairs=2)
-    >>> assert score.n_faults == 0, score
-    >>> assert score.score < 0.5, score
+    >>> assert score.n_faults == 0, str(score)
+    >>> assert score.score < 0.5, str(score)
     """
     fighters = {_MINE: _find(bot), _OTHER: _find(opponent)}
     ruleset = load_ruleset(rules) if isinstance(rules, str) else rules

@@ -1,7 +1,6 @@
 """The sub-commands of journals and transcripts: `arena replay`."""
 
 from collections import Counter
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -46,6 +45,7 @@ def verify_journals(
     """
     from platformdirs import user_data_path
 
+    from arena.compiling import compile_rules
     from arena.display.signers import Signers, read_named
     from arena.records.journal import find_journals
 
@@ -56,6 +56,7 @@ def verify_journals(
     paths = list(find_journals(files))
     if transcript is not None and len(paths) != 1:
         raise InputError(f"--transcript is of one match, and there are {len(paths)} journals; name the journal of that match")
+    compile_rules()
     checks = [_check(path, transcript, signers, is_local=is_local) for path in paths]
     unmet = named.entries.keys() - {check["keys"][team]["name"] for check in checks if check["keys"] for team in ("blue", "red")}
     if unmet:
@@ -163,69 +164,36 @@ def show_match(
     ] = None,
     tick: Annotated[int | None, typer.Option(help="Show this tick alone.")] = None,
     speed: Annotated[float, typer.Option(min=0.1, max=1000.0, help="Ticks per second, on a terminal.")] = 8.0,
+    is_plain: Annotated[bool, typer.Option("--plain", help="Print every tick, as where stdout is no terminal.")] = False,
 ) -> None:
-    """Play a match in the terminal: of a journal, a team's view at the left and the truth at the right.
+    """Look at a match in the terminal: of a journal, a team's view at the left and the truth at the right.
 
-    Of a transcript, what its seat saw, what it remembered and ordered, and at the end what befell it. Where stdout is no
-    terminal, every tick is printed.
+    Of a transcript, what its seat saw, remembered, ordered, logged and drew, and at the end what befell it. On a terminal, keys
+    step through it, and ? tells which. They find fights, falls and captures in a journal, and in a transcript, which tells of no
+    fight, losses and changes of the score. Where stdout is no terminal, every tick is printed.
     """
     from rich.console import Console
+    from rich.text import Text
 
-    from arena.display.terminal_replay import show_journal, show_transcript
+    from arena.compiling import compile_rules
+    from arena.console import clean
+    from arena.display.player import Recording
+    from arena.display.recorded import open_match
+    from arena.display.terminal_replay import has_keys, play_with_keys, print_scenes
     from arena.display.text import is_live
-    from arena.records.transcript import is_transcript
 
     if team not in (None, "blue", "red"):
         raise InputError(f"--team is {team!r}; it must be blue or red")
-    console = Console()
+    match = open_match(file, team)
+    if not match.is_of_one_seat:  # a journal is played again
+        compile_rules()
+    console = Console(force_terminal=False if is_plain else None)
     if not is_live(console):
         console.width = 10_000
-    if is_transcript(file):
-        if team is not None:
-            raise InputError("--team is for journals; a transcript is what one seat saw")
-        show_transcript(console, file, tick, speed)
+    if tick is None and has_keys(console):
+        play_with_keys(console, Recording(match.scenes, match.last), match.views, speed)
     else:
-        show_journal(console, file, team or "blue", tick, speed)
-
-
-@replay.command("export")
-def export_match(
-    file: Annotated[Path, typer.Argument(help="A journal, or the transcript of a seat.")],
-    as_gif: Annotated[bool, typer.Option("--gif", help="Every tick, moving.")] = False,
-    as_png: Annotated[bool, typer.Option("--png", help="One tick.")] = False,
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Where to; here, named like the match, without it.")] = None,
-    tick: Annotated[int | None, typer.Option(help="Which tick --png shows; the last without it.")] = None,
-    team: Annotated[str | None, typer.Option(help="Whose view of a journal: blue (without it) or red.")] = None,
-    cell: Annotated[int, typer.Option(min=6, max=64, metavar="PX", help="Width of a cell.")] = 16,
-    speed: Annotated[float, typer.Option(min=0.1, max=50.0, help="Ticks per second, of --gif.")] = 4.0,
-) -> None:
-    """Draw a match as a picture for papers and talks: the two boards that `arena replay show` shows.
-
-    Of a journal, a team's view at the left and the truth at the right, with the fights marked; of a transcript, what its seat saw
-    and remembered.
-    """
-    from arena.console import progress_bar
-    from arena.display.image import count_ticks, draw, read_frames, save_gif, save_png
-
-    if as_gif == as_png:
-        raise InputError("say either --gif, for every tick, or --png, for one")
-    if as_gif and tick is not None:
-        raise InputError("--tick is for --png; --gif shows every tick")
-    if team not in (None, "blue", "red"):
-        raise InputError(f"--team is {team!r}; it must be blue or red")
-    last = count_ticks(file)
-    if tick is not None and not 0 <= tick <= last:
-        raise InputError(f"--tick is {tick}; the match has {f'ticks 0 to {last}' if last >= 0 else 'no ticks'}")
-    chosen = last if tick is None else tick
-    target = out or Path(file.with_suffix(".gif" if as_gif else ".png").name)
-    frames = read_frames(file, team)
-    if as_png:
-        save_png(draw(next(islice(frames, chosen, None)), cell), target)
-    else:
-        with progress_bar(last + 1, "drawing", each="ticks") as advance:
-            images = []
-            for frame in frames:
-                images.append(draw(frame, cell))
-                advance(1)
-        save_gif(images, target, speed)
-    say(f"{target}: {'1 tick' if as_png else f'{last + 1} ticks'}, {target.stat().st_size / 1000:,.0f} kB")
+        print_scenes(console, match.scenes, match.views[0], match.last, tick, speed, has_orders=match.is_of_one_seat)
+    if tick is None:
+        for line in match.epilogue:
+            console.print(Text(clean(line)))

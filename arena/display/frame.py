@@ -55,8 +55,8 @@ def describe_tick(
     *,
     score: int,
     living: Sequence[int],
-    truth: Grid,
-    seen: Sequence[Grid],
+    truth: Grid | None,
+    seen: Sequence[Grid | None],
     units: Units,
     events: Events,
     orders: Sequence[str] | None = None,
@@ -70,7 +70,7 @@ def describe_tick(
     living
         Blue's living units, and red's.
     seen
-        What blue sees, and red.
+        What blue sees, and red. Here and under `truth`, None is what the teller does not know.
     units
         Of blue, and of red; a fallen unit is where it fell.
     events
@@ -82,8 +82,8 @@ def describe_tick(
         "tick": tick,
         "score": score,
         "living": list(living),
-        "truth": to_text(truth),
-        "seen": [to_text(grid) for grid in seen],
+        "truth": None if truth is None else to_text(truth),
+        "seen": [None if grid is None else to_text(grid) for grid in seen],
         "units": [[[row, column, int(alive)] for row, column, alive in team] for team in units],
         "events": {name: [list(unit) for unit in those] for name, those in events.items()},
         "orders": None if orders is None else list(orders),

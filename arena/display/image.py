@@ -6,6 +6,7 @@ told apart by the colour-blind, and the shapes in print.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +19,9 @@ from arena.game.engine import BatchedGame
 from arena.game.observation import OwnUnit
 from arena.game.state import StateField
 from arena.game.types import FLAGS, UAVS, UGVS, Code, Team
-from arena.records.journal import load_journal
+from arena.records.journal import Journal, load_journal, read_journal
 from arena.records.replay import replay
-from arena.records.transcript import is_transcript, load_transcript
+from arena.records.transcript import Transcript, begins_transcript, is_transcript, load_transcript, read_transcript
 
 Cell = tuple[int, int]
 """(row, column)."""
@@ -73,14 +74,20 @@ def read_frames(path: Path, team: str | None) -> Iterator[ImageFrame]:
         A team was chosen for a transcript, which is what one seat saw.
     """
     if not is_transcript(path):
-        return _of_journal(path, Team[(team or "blue").upper()])
+        return _of_journal(load_journal(path), Team[(team or "blue").upper()])
     if team is not None:
         raise InputError("--team is for journals; a transcript is what one seat saw")
-    return _of_transcript(path)
+    return _of_transcript(load_transcript(path))
 
 
-def _of_journal(path: Path, team: Team) -> Iterator[ImageFrame]:
-    journal = load_journal(path)
+def frames_of(data: bytes, team: str | None) -> Iterator[ImageFrame]:
+    """Return the frame of every tick of a journal's or a transcript's bytes; a transcript's team is its seat's."""
+    if begins_transcript(data):
+        return _of_transcript(read_transcript(data))
+    return _of_journal(read_journal(data), Team[(team or "blue").upper()])
+
+
+def _of_journal(journal: Journal, team: Team) -> Iterator[ImageFrame]:
     header, limit = journal.header, journal.header.ruleset.tick_limit
     for games in replay(journal):
         field, events = games.state.field[0], games.events
@@ -95,8 +102,7 @@ def _of_journal(path: Path, team: Team) -> Iterator[ImageFrame]:
         )
 
 
-def _of_transcript(path: Path) -> Iterator[ImageFrame]:
-    transcript = load_transcript(path)
+def _of_transcript(transcript: Transcript) -> Iterator[ImageFrame]:
     header, memory = transcript.header, GroundMemory(transcript.header.ruleset.side)
     own = header.team.name.lower()
     before: tuple[OwnUnit, ...] = ()
@@ -223,8 +229,8 @@ def save_png(image: Image.Image, path: Path) -> None:
         raise InputError(f"cannot write {path}: {error.strerror or error}") from error
 
 
-def save_gif(images: Sequence[Image.Image], path: Path, ticks_per_s: float) -> None:
-    """Write moving pictures, the last of them for longer; `InputError` if they cannot be written.
+def save_gif(images: Sequence[Image.Image], path: Path | BytesIO, ticks_per_s: float) -> None:
+    """Write moving pictures to a file or into memory, the last of them for longer; `InputError` if they cannot be written.
 
     GIF counts in hundredths of a second.
     """

@@ -1,17 +1,35 @@
-"""A journal as frames, for a page that knows no rules: the match played again, and whether it holds."""
+"""A journal as frames, for a page that knows no rules: the match played again, and whether it holds. And so a transcript."""
 
+from base64 import b64encode
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from arena.display.frame import describe_rules, describe_tick, orders_to_text
+from arena.display.frame import describe_rules, describe_tick, orders_to_text, to_text
+from arena.display.text import GroundMemory
 from arena.errors import JournalError
 from arena.game.engine import BatchedGame
 from arena.game.state import StateField
 from arena.game.types import Team
-from arena.records.journal import Journal, read_journal
+from arena.records.journal import MAGIC, Journal, read_journal
 from arena.records.replay import BrokenChainError, replay
+from arena.records.transcript import Transcript, begins_transcript, read_transcript
 from arena.records.verification import check_seals
+
+_JOURNAL = MAGIC.rpartition(b"-")[0]
+"""What journals of all versions begin with."""
+MOST_TICKS = 20_000
+"""That a page is given at once."""
+
+
+def describe_recording(data: bytes) -> dict[str, Any]:
+    """Return what `describe_match` makes of a journal, or `describe_transcript` of a transcript; raises as they do."""
+    if begins_transcript(data):
+        return describe_transcript(data)
+    if not data.startswith(_JOURNAL):
+        raise JournalError("this is neither a journal nor a transcript: its first line is another")
+    return describe_match(data)
 
 
 def describe_match(data: bytes) -> dict[str, Any]:
@@ -26,12 +44,13 @@ def describe_match(data: bytes) -> dict[str, Any]:
     Raises
     ------
     JournalError
-        It is no journal, or of a match that is not over: that one may not be seen.
+        It is no journal, one of more than `MOST_TICKS`, or of a match that is not over: that one may not be seen.
     """
     journal = read_journal(data)
     header, ending = journal.header, journal.ending
     if ending is None:
         raise JournalError("the match is not over, so its journal may not be seen")
+    _check_length(len(journal.ticks))
     ticks: list[dict[str, Any]] = []
     broken = None
     try:
@@ -51,6 +70,75 @@ def describe_match(data: bytes) -> dict[str, Any]:
         "broken": broken,
         "is_sealed": journal.seals is not None,
     }
+
+
+def describe_transcript(data: bytes) -> dict[str, Any]:
+    """Return every tick of a transcript's bytes: what its seat saw and remembered, what it ordered, and what its bot noted.
+
+    Returns
+    -------
+    dict
+        As of `describe_match`, and `team`, whose view it is. Of a tick, `truth` is None, and what `seen`, `units` and `orders`
+        hold of the other team is empty. Under `known` stands what is seen, with the ground that is remembered behind it; under
+        `charged_us` what the pit's clock charged, or None; under `annotations` the bot's `log` and what it drew (`draw`), a heat
+        as base64. `ending` is None if the transcript has none.
+
+    Raises
+    ------
+    JournalError
+        It is no transcript, or one of more than `MOST_TICKS`.
+    """
+    transcript = read_transcript(data)
+    header, ending = transcript.header, transcript.ending
+    _check_length(len(transcript.ticks))
+    names = [header.name, header.opponent]
+    return {
+        "match": header.match,
+        "pit": header.pit,
+        "names": names if header.team is Team.BLUE else names[::-1],
+        "team": int(header.team),
+        "rules": describe_rules(header.ruleset),
+        "ticks": list(_describe_seat(transcript)),
+        "ending": None if ending is None else ending.seen_by(header.team).to_dict(),
+        "broken": None,
+        "is_whole": transcript.is_whole,
+    }
+
+
+def _check_length(n_ticks: int) -> None:
+    if n_ticks > MOST_TICKS:
+        raise JournalError(f"it has {n_ticks:,} ticks, and a page shows {MOST_TICKS:,} at most; arena replay show has no bound")
+
+
+def _describe_seat(transcript: Transcript) -> Iterator[dict[str, Any]]:
+    team, memory = transcript.header.team, GroundMemory(transcript.header.ruleset.side)
+    sign = 1 if team is Team.BLUE else -1
+    lived: list[bool] = []
+    for number, seen in enumerate(transcript.observations()):
+        lives = [unit.alive for unit in seen.units]
+        fell = [(int(team), index) for index, (before, now) in enumerate(zip(lived, lives, strict=False)) if before and not now]
+        lived = lives
+        tick = describe_tick(
+            seen.tick,
+            score=sign * seen.score,
+            living=list(seen.living)[::sign],
+            truth=None,
+            seen=[seen.grid, None][::sign],
+            units=[[(unit.row, unit.column, unit.alive) for unit in seen.units], []][::sign],
+            events={"fought": [], "fell": fell, "captured": []},
+            orders=[orders_to_text(transcript.ticks[number][1]), ""][::sign],
+        )
+        yield tick | {
+            "known": to_text(memory.recall(seen)[0]),
+            "charged_us": transcript.charges_us[number],
+            "annotations": _describe_notes(transcript.annotations[number]),
+        }
+
+
+def _describe_notes(notes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a bot noted on a tick as JSON can hold it."""
+    drawings = [{**one, "heat": b64encode(one["heat"]).decode()} if "heat" in one else one for one in notes["draw"]]
+    return {"log": notes["log"], "draw": drawings}
 
 
 def _find_forgery(journal: Journal) -> dict[str, Any] | None:

@@ -1,96 +1,103 @@
-"""A match in the terminal, tick by tick: from a journal, or as one seat saw it."""
+"""A match in the terminal: stepped through with keys, played like a film, or printed; of a journal, or as one seat saw it."""
 
+import os
+import select
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
-from pathlib import Path
 
-from rich.console import Console, RenderableType
+from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
 from arena.console import clean
-from arena.display.text import GroundMemory, draw_row, format_last_tick, format_losses, format_orders, is_live
+from arena.display.drawings import write_drawings
+from arena.display.player import Player, Recording
+from arena.display.player_screen import draw_player
+from arena.display.scene import Scene, View
+from arena.display.terminal_keys import KeyReader, keys_at_once
+from arena.display.text import draw_row, is_live
 from arena.errors import InputError
-from arena.game.engine import BatchedGame
-from arena.game.state import StateField
-from arena.game.types import Team
-from arena.records.journal import Journal, load_journal
-from arena.records.replay import replay
-from arena.records.transcript import load_transcript
 
 
-def show_journal(console: Console, file: Path, team: str, tick: int | None, speed: float) -> None:
-    """Show a team's view of every tick beside the truth, or of one."""
-    journal = load_journal(file)
-    height = console.height if is_live(console) and tick is None else None
-    frames = (_frame(journal, games, Team[team.upper()], console.width, height) for games in replay(journal))
-    _play(console, frames, len(journal.ticks), tick, speed)
-    if journal.ending is not None and tick is None:
-        console.print(Text(clean(journal.ending.describe())))
+def has_keys(console: Console) -> bool:
+    """Whether somebody can press keys and see what they do: both ends are a terminal, and one that can be drawn on."""
+    return is_live(console) and sys.stdin.isatty()
 
 
-def show_transcript(console: Console, file: Path, tick: int | None, speed: float) -> None:
-    """Show what a seat saw and remembered of every tick, or of one, and at the end what befell it."""
-    transcript = load_transcript(file)
-    header, seen = transcript.header, list(transcript.observations())
-    memory = GroundMemory(header.ruleset.side)
+def play_with_keys(
+    console: Console, recording: Recording, views: Sequence[View], ticks_per_s: float, *, is_playing: bool = True
+) -> None:
+    """Let somebody step through a match on a screen of its own, until they leave it.
 
-    def draw(number: int) -> RenderableType:
-        now = seen[number]
-        seat = f"pit {header.pit}, match {header.match}: {header.name} plays {header.team.name.lower()} against {header.opponent}"
-        title = (
-            f"{clean(seat)}\n"
-            f"tick {number} of {header.ruleset.tick_limit}   score {now.score:+d}   units {now.living[0]}:{now.living[1]}"
-            f"{'' if now.clock_s is None else f'   bank {now.clock_s:.1f} s'}"
-        )
-        charged_us = transcript.charges_us[number]
-        if charged_us is not None:
-            title += f"   charged {charged_us / 1e6:.3f} s"
-        orders = f"orders: {format_orders(now, transcript.ticks[number][1])}"
-        if is_live(console):  # a line each, beside boards that fill the height of a small screen
-            aside, height = orders.replace(", ", "\n").replace(": ", "\n"), console.height if tick is None else None
-            return memory.draw_pair(title, now, console.width, aside, height=height)
-        return memory.draw_pair(f"{title}\n{orders}", now, console.width)
-
-    _play(console, map(draw, range(len(seen))), len(seen) - 1, tick, speed)
-    if tick is not None:
-        return
-    lines = list(format_losses(seen))
-    if transcript.ending is None:
-        how = "stops" if transcript.is_whole else "was cut short"
-        team = header.team.name.lower()
-        lines += [f"the transcript {how} after {len(seen)} ticks, without an ending", f"unfinished as {team}"]
-    else:
-        result = transcript.ending
-        lines += [format_last_tick(seen, result), result.describe(header.team)]
-    for line in lines:
-        console.print(Text(clean(line)))
+    Raises
+    ------
+    ArenaError
+        What the match broke off with, once they have left and if they came that far.
+    """
+    player = Player(recording, views, ticks_per_s, time.monotonic(), is_playing=is_playing)
+    player.has_numbers = not console.no_color  # a number in a narrow cell tells its team by colour alone
+    reads, writes = os.pipe()
+    keys, descriptor = KeyReader(), sys.stdin.fileno()
+    try:
+        with (
+            keys_at_once(descriptor, lambda: os.write(writes, b"\0")),
+            Live(console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False) as live,
+        ):
+            while not player.is_over:
+                live.update(draw_player(player, *console.size), refresh=True)
+                ready, _, _ = select.select([descriptor, reads], [], [], player.wait_s(time.monotonic()))
+                if reads in ready:
+                    os.read(reads, 1 << 10)
+                if descriptor in ready:
+                    sent = os.read(descriptor, 1 << 10)
+                    for key in keys.feed(sent) if sent else ["q"]:
+                        player.press(key, time.monotonic())
+                player.advance(time.monotonic())
+    finally:
+        os.close(reads)
+        os.close(writes)
+    if recording.error is not None:
+        raise recording.error
 
 
-def _play(console: Console, frames: Iterator[RenderableType], last: int, tick: int | None, speed: float) -> None:
-    """Show the frame of one tick, or of each in its turn."""
+def print_scenes(
+    console: Console, scenes: Iterator[Scene], view: View, last: int, tick: int | None, ticks_per_s: float, *, has_orders: bool
+) -> None:
+    """Print one tick, or every tick; on a terminal each takes the place of the one before, at that speed.
+
+    Raises
+    ------
+    InputError
+        There is no such tick.
+    """
     if tick is not None:
         if not 0 <= tick <= last:
             there = f"ticks 0 to {last}" if last >= 0 else "no ticks"
             raise InputError(f"--tick is {tick}; the match has {there}")
-        console.print(next(islice(frames, tick, None)))
-    elif not is_live(console):
-        for frame in frames:
-            console.print(frame)
-    else:
-        with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
-            for frame in frames:
-                live.update(frame, refresh=True)
-                time.sleep(1 / speed)
+        scenes = islice(scenes, tick, tick + 1)
+    if tick is not None or not is_live(console):
+        for scene in scenes:
+            console.print(_draw(console, scene, view, None, has_orders=has_orders))
+        return
+    with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
+        for scene in scenes:
+            live.update(_draw(console, scene, view, console.height, has_orders=has_orders), refresh=True)
+            time.sleep(1 / ticks_per_s)
 
 
-def _frame(journal: Journal, games: BatchedGame, team: Team, width: int, height: int | None) -> RenderableType:
-    field = games.state.field[0]
-    header = journal.header
-    title = (
-        f"blue {header.blue} against red {header.red}   tick {field[StateField.TICK]} of {header.ruleset.tick_limit}   "
-        f"score {field[StateField.SCORE]:+d}   units {field[StateField.BLUE_LIVING]}:{field[StateField.RED_LIVING]}"
-    )
-    boards = [(f"what {team.name.lower()} sees", games.grids()[team, 0]), ("the truth", games.truth(0))]
-    return draw_row(clean(title), boards, width, height=height)
+def _draw(console: Console, scene: Scene, view: View, height: int | None, *, has_orders: bool) -> RenderableType:
+    """Return a tick as it is printed: what the bot noted under the boards, its drawings as letters."""
+    title, aside = scene.title, ""
+    told = [f"{unit.name} {unit.order}" for unit in scene.units] if has_orders else []
+    if told and is_live(console):  # a line each, beside boards that fill the height of a small screen
+        aside = "\n".join(("orders", *told))
+    elif told:
+        title += f"\norders: {', '.join(told)}"
+    boards = [(label, scene.panes[label].grid) for label in view.panes]
+    drawn = draw_row(title, boards, console.width, height=height, dimmed=scene.panes[view.panes[-1]].dimmed, aside=aside)
+    notes = [f"log: {clean(line)}" for line in scene.log]
+    if scene.drawings:
+        notes += ["drawn:", *write_drawings(scene.drawings, len(boards[0][1]))]
+    return Group(drawn, *map(Text, notes))

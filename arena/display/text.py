@@ -43,6 +43,11 @@ Marks = Mapping[tuple[int, int], tuple[str, str]]
 """By (row, column): what stands there instead of the letter, empty for the letter itself, and a style over the cell's own."""
 
 
+def letter_of(code: int) -> str:
+    """Return the letter of a code of Table 2."""
+    return _LOOKS[Code(code)][0]
+
+
 def draw_board(grid: NDArray[np.int8], *, is_wide: bool, dimmed: Mask | None = None, marks: Marks = _UNMARKED) -> Text:
     """Return a Table 2 board of shape (side, side) as text; wide cells are two columns, and nearly square."""
     text = Text(no_wrap=True)
@@ -114,18 +119,15 @@ class GroundMemory:
         is_hidden = grid == Code.HIDDEN
         return np.where(is_hidden, self._ground, grid), is_hidden
 
-    def draw_pair(self, title: str, seen: Observation, width: int, aside: str = "", *, height: int | None = None) -> Group:
-        """Return what the seat sees, and beside it the same with the ground that it remembers, dimmed."""
-        known, is_hidden = self.recall(seen)
-        boards = [(f"what {seen.team.name.lower()} sees", seen.grid), ("and remembers", known)]
-        return draw_row(title, boards, width, height=height, dimmed=is_hidden, aside=aside)
+
+def name_order(order: int) -> str:
+    """Return an order, a byte as transcripts and journals hold it, as a word."""
+    return Action(order).name.lower() if order in tuple(Action) else "nothing"
 
 
-def format_orders(seen: Observation, orders: bytes) -> str:
-    """Return what each unit was told; `orders` is a byte per unit."""
-    words = {int(action): action.name.lower() for action in Action}
-    told = zip(seen.units, orders, strict=True)
-    return ", ".join(f"{_name(unit)} {words.get(order, 'nothing') if unit.alive else 'fallen'}" for unit, order in told)
+def name_unit(unit: OwnUnit) -> str:
+    """Return a unit's type and number."""
+    return f"{unit.type} {unit.index}"
 
 
 def format_losses(seen: Sequence[Observation]) -> Iterator[str]:
@@ -133,7 +135,7 @@ def format_losses(seen: Sequence[Observation]) -> Iterator[str]:
     for before, after in pairwise(seen):
         for old, new in zip(before.units, after.units, strict=True):
             if old.alive and not new.alive:
-                yield f"tick {after.tick}: {_name(new)} fell at {_place(new)}; in sight before: {_list(before.enemies)}"
+                yield f"tick {after.tick}: {name_unit(new)} fell at {_place(new)}; in sight before: {_list(before.enemies)}"
     yield f"enemies were in sight at {_spans([one.tick for one in seen if one.enemies])}"
 
 
@@ -166,16 +168,12 @@ def format_last_tick(seen: Sequence[Observation], result: "MatchResult") -> str:
     return f"{when} {'; '.join(parts)}"
 
 
-def _name(unit: OwnUnit) -> str:
-    return f"{unit.type} {unit.index}"
-
-
 def _place(unit: OwnUnit | EnemyUnit) -> str:
     return f"({unit.row}, {unit.column})"
 
 
 def _list(units: Sequence[OwnUnit | EnemyUnit]) -> str:
-    named = ((_name(unit) if isinstance(unit, OwnUnit) else unit.type, _place(unit)) for unit in units)
+    named = ((name_unit(unit) if isinstance(unit, OwnUnit) else unit.type, _place(unit)) for unit in units)
     return ", ".join(f"{name} at {place}" for name, place in named) or "nobody"
 
 

@@ -5,25 +5,24 @@ that a match is made of depends on its row, on the batch or on the process: its 
 """
 
 import os
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
-from itertools import groupby, islice
+from itertools import groupby
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from arena.errors import InputError
 from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
-from arena.local.workers import work
+from arena.local.saving import make_folder, save
+from arena.local.workers import tell, work
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
-from arena.records.journal import Header, Mark, save_journal, write_ending, write_start
+from arena.records.journal import Header, Mark, write_ending, write_start
 from arena.records.plan import MatchPlan
 from arena.records.replay import match_result
 
@@ -32,15 +31,15 @@ ROWS = 512
 MATCHES_PER_TASK = 1024
 """At most: what a killed worker has to play again."""
 _FEWEST_PER_TASK, _TASKS_PER_WORKER = 32, 4
-_RECORDS_PER_WRITE, _MOST_WRITES = 16, 64
 Load = Callable[[str], BatchFactory]
 """Makes a fighter from its name; a plain function, so that it can be sent to another process."""
 
 
 BarePlan = tuple[str, str, str, bytes, bytes]
 """A plan as it crosses to another process: as dataclasses, pickling took longer than playing."""
+_BareResult = tuple[int, int, int, int]
 _BareFaults = tuple[int, int, str | None, dict[str, tuple[str, int]]]
-BareRecord = tuple[str, tuple[int, int, int, int], tuple[_BareFaults, _BareFaults], tuple[int, int], bytes | None]
+BareRecord = tuple[str, _BareResult, tuple[_BareFaults, _BareFaults], tuple[int, int], bytes | None]
 """A record as it comes back."""
 _TEAMS = {int(Team.BLUE): Team.BLUE, int(Team.RED): Team.RED, -1: None}
 
@@ -59,6 +58,18 @@ class MatchRecord:
     """The canonical journal, unless it was written to a folder."""
 
 
+class News(NamedTuple):
+    """A match of bots has ended: what is told at once, while its record waits for those of the other matches of its task."""
+
+    identity: str
+    result: MatchResult
+    reasons: tuple[dict[str, str], dict[str, str]]
+    """Why each team's units stayed: kinds that the task had not met before, and their first sentences."""
+
+
+OnNews = Callable[[News], None]
+
+
 def play(
     ruleset: Ruleset,
     plans: Sequence[MatchPlan],
@@ -66,6 +77,7 @@ def play(
     *,
     journals: Path | None = None,
     n_workers: int | None = None,
+    on_news: OnNews | None = None,
 ) -> Iterator[MatchRecord]:
     """Play matches and yield each as it ends, in no promised order.
 
@@ -75,6 +87,8 @@ def play(
         Folder to write each match's journal into; without it, records carry them.
     n_workers
         Processes; by default one per core that this process may use, as far as there is work for them.
+    on_news
+        Called, perhaps from another thread, as soon as a match ends that a bot played.
 
     Raises
     ------
@@ -90,21 +104,12 @@ def play(
     n_workers = min(n_workers, len(tasks))
     if n_workers <= 1:
         for task in tasks:
-            yield from _play_task(ruleset, task, load, journals)
+            yield from _play_task(ruleset, task, load, journals, on_news)
         return
     by_identity = {plan.identity: plan for plan in plans}
-    for played in work([partial(play_bare, ruleset, strip(task), load, journals) for task in tasks], n_workers):
+    jobs = [partial(play_bare, ruleset, strip(task), load, journals, None if on_news is None else tell) for task in tasks]
+    for played in work(jobs, n_workers, None if on_news is None else lambda words: on_news(_news(words))):
         yield from dress(played, by_identity)
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of journals, or say in a sentence why it cannot be."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError as error:
-        raise InputError(f"cannot keep journals in {folder}: it is no folder") from error
-    except OSError as error:
-        raise InputError(f"cannot keep journals in {folder}: {error.strerror}") from error
 
 
 def split(plans: Sequence[MatchPlan], n_workers: int) -> list[list[MatchPlan]]:
@@ -128,21 +133,26 @@ def strip(plans: Sequence[MatchPlan]) -> list[BarePlan]:
     return [(plan.identity, plan.blue, plan.red, plan.keys.map_key, plan.keys.match_key) for plan in plans]
 
 
-def play_bare(ruleset: Ruleset, plans: list[BarePlan], load: Load, journals: Path | None) -> list[BareRecord]:
-    """Play a task in another process."""
+def play_bare(
+    ruleset: Ruleset,
+    plans: list[BarePlan],
+    load: Load,
+    journals: Path | None,
+    tell: Callable[[tuple[Any, ...]], None] | None = None,
+) -> list[BareRecord]:
+    """Play a task in another process, which tells its news, stripped as well."""
+    on_news = None if tell is None else lambda news: tell((news.identity, _strip_result(news.result), news.reasons))
     whole = [
         MatchPlan(identity=identity, blue=blue, red=red, keys=MatchKeys(map_key=map_key, match_key=match_key))
         for identity, blue, red, map_key, match_key in plans
     ]
     played: list[BareRecord] = []
-    for record in _play_task(ruleset, whole, load, journals):
-        result = record.result
-        winner = -1 if result.winner is None else int(result.winner)
+    for record in _play_task(ruleset, whole, load, journals, on_news):
         blue, red = ((one.raised, one.illegal, one.first_traceback, one.reasons) for one in record.faults)
         played.append(
             (
                 record.plan.identity,
-                (int(result.ending), winner, result.score, result.ticks),
+                _strip_result(record.result),
                 (blue, red),
                 record.n_unreadable,
                 record.journal,
@@ -153,10 +163,10 @@ def play_bare(ruleset: Ruleset, plans: list[BarePlan], load: Load, journals: Pat
 
 def dress(played: list[BareRecord], by_identity: Mapping[str, MatchPlan]) -> Iterator[MatchRecord]:
     """Yield records that came back, with their plans."""
-    for identity, (ending, winner, score, ticks), (blue, red), n_unreadable, journal in played:
+    for identity, result, (blue, red), n_unreadable, journal in played:
         yield MatchRecord(
             plan=by_identity[identity],
-            result=MatchResult(ending=Termination(ending), winner=_TEAMS[winner], score=score, ticks=ticks),
+            result=_dress_result(*result),
             faults=(_faults(blue), _faults(red)),
             n_unreadable=n_unreadable,
             journal=journal,
@@ -167,38 +177,48 @@ def _faults(bare: _BareFaults) -> Faults:
     return Faults(raised=bare[0], illegal=bare[1], first_traceback=bare[2], reasons=bare[3])
 
 
-def _play_task(ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None) -> Iterator[MatchRecord]:
-    records = play_batch(ruleset, plans, load(plans[0].blue), load(plans[0].red))
+def _strip_result(result: MatchResult) -> _BareResult:
+    return int(result.ending), -1 if result.winner is None else int(result.winner), result.score, result.ticks
+
+
+def _dress_result(ending: int, winner: int, score: int, ticks: int) -> MatchResult:
+    return MatchResult(ending=Termination(ending), winner=_TEAMS[winner], score=score, ticks=ticks)
+
+
+def _news(words: tuple[Any, ...]) -> News:
+    identity, result, reasons = words
+    return News(identity, _dress_result(*result), reasons)
+
+
+def _play_task(
+    ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None, on_news: OnNews | None
+) -> Iterator[MatchRecord]:
+    blue, red = load(plans[0].blue), load(plans[0].red)
+    records = play_batch(ruleset, plans, blue, red)
+    if on_news is not None and any(hasattr(make, "most_seats") for make in (blue, red)):
+        records = announce(records, on_news)
     return records if journals is None else save(records, journals)
 
 
-def save(records: Iterator[MatchRecord], folder: Path) -> Iterator[MatchRecord]:
-    """Yield records once their journals are written, by a thread beside the games: the disk may take its time."""
-    name = str(folder)
-
-    def write(some: list[MatchRecord]) -> list[MatchRecord]:
-        for record in some:
-            try:
-                save_journal(name, record.plan.identity, record.journal or b"")
-            except OSError as error:
-                raise InputError(f"cannot write the journal of {record.plan.identity} in {folder}: {error.strerror}") from error
-        return [replace(record, journal=None) for record in some]
-
-    with ThreadPoolExecutor(1) as writer:
-        writing: deque[Future[list[MatchRecord]]] = deque()
-        while some := list(islice(records, _RECORDS_PER_WRITE)):
-            writing.append(writer.submit(write, some))
-            while writing and (writing[0].done() or len(writing) > _MOST_WRITES):
-                yield from writing.popleft().result()
-        while writing:
-            yield from writing.popleft().result()
+def announce(records: Iterable[MatchRecord], on_news: OnNews) -> Iterator[MatchRecord]:
+    """Yield records of one pairing, each once its news is told."""
+    known: tuple[set[str], set[str]] = (set(), set())
+    for record in records:
+        blue, red = (
+            {kind: sentence for kind, (sentence, _) in faults.reasons.items() if kind not in before}
+            for faults, before in zip(record.faults, known, strict=True)
+        )
+        for before, new in zip(known, (blue, red), strict=True):
+            before.update(new)
+        on_news(News(record.plan.identity, record.result, (blue, red)))
+        yield record
 
 
 def play_batch(ruleset: Ruleset, plans: Iterable[MatchPlan], blue: BatchFactory, red: BatchFactory) -> Iterator[MatchRecord]:
     """Play matches of one pairing in this thread, as many at a time as suits both fighters."""
     waiting = list(plans)[::-1]
     rows = min(getattr(make, "most_seats", ROWS) for make in (blue, red))
-    batch = _Batch(ruleset, min(rows, len(waiting)), blue, red)
+    batch = Batch(ruleset, min(rows, len(waiting)), blue, red)
     batch.start(range(batch.n_rows), [waiting.pop() for _ in range(batch.n_rows)])
     while batch.running:
         free = []
@@ -209,20 +229,20 @@ def play_batch(ruleset: Ruleset, plans: Iterable[MatchPlan], blue: BatchFactory,
         batch.start(refill, [waiting.pop() for _ in refill])
 
 
-class _Batch:
+class Batch:
     """Rows of running matches, their fighters, and their journals so far."""
 
     def __init__(self, ruleset: Ruleset, n_rows: int, blue: BatchFactory, red: BatchFactory) -> None:
         self.n_rows = n_rows
         self.running: dict[int, MatchPlan] = {}
         self._ruleset = ruleset
-        self._games = BatchedGame(ruleset, n_rows)
-        self._fighters: dict[Team, BatchPolicy] = {
+        self.games = BatchedGame(ruleset, n_rows)
+        self.fighters: dict[Team, BatchPolicy] = {
             team: make(ruleset, team, n_rows) for team, make in zip(Team, (blue, red), strict=True)
         }
-        sizes = self._games.n_units
+        sizes = self.games.n_units
         self._n_orders = sum(sizes.values())
-        self._orders = {team: np.zeros((n_rows, sizes[team]), np.int8) for team in Team}
+        self.orders = {team: np.zeros((n_rows, sizes[team]), np.int8) for team in Team}
         self._n_unreadable = np.zeros((n_rows, len(Team)), np.int64)
         self._chains = [b""] * n_rows
         self._pieces: list[list[bytes]] = [[] for _ in range(n_rows)]
@@ -231,37 +251,47 @@ class _Batch:
         """Begin new matches in free rows."""
         if not rows:
             return
-        self._games.start(rows, [plan.keys for plan in plans])
+        self.games.start(rows, [plan.keys for plan in plans])
         self._n_unreadable[rows] = 0
-        states = self._games.digestible()
+        states = self.games.digestible()
         for row, plan in zip(rows, plans, strict=True):
             header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
-            data, chain = write_start(header, self._games.state.ground[row].tobytes(), states[row].tobytes())
+            data, chain = write_start(header, self.games.state.ground[row].tobytes(), states[row].tobytes())
             self._pieces[row], self._chains[row] = [data], chain
             self.running[row] = plan
-        for fighter in self._fighters.values():
+        for fighter in self.fighters.values():
+            for row, plan in zip(rows, plans, strict=True):
+                fighter.name_match(row, plan.identity)
             fighter.start(np.asarray(rows, np.intp))
 
     def play_tick(self) -> list[tuple[int, MatchRecord]]:
         """Play one tick of every running match; return the rows whose match ended, with its record."""
-        seen = self._games.observe()
-        for team, fighter in self._fighters.items():
-            self._orders[team][:] = 0
-            told = self._games.observe_without_fog() if type(fighter).is_cheat else seen
-            fighter.act(told[team], self._orders[team])
-        orders = np.concatenate([self._orders[team] for team in Team], axis=1)
-        unreadable = np.stack([(self._orders[team] < 0).any(axis=1) for team in Team], axis=1)
+        self.ask()
+        return self.step()
+
+    def ask(self) -> None:
+        """Have the fighters write their `orders`; negative ones are no orders."""
+        seen = self.games.observe()
+        for team, fighter in self.fighters.items():
+            self.orders[team][:] = 0
+            told = self.games.observe_without_fog() if type(fighter).is_cheat else seen
+            fighter.act(told[team], self.orders[team])
+
+    def step(self) -> list[tuple[int, MatchRecord]]:
+        """Play what was ordered; return as `play_tick` does."""
+        orders = np.concatenate([self.orders[team] for team in Team], axis=1)
+        unreadable = np.stack([(self.orders[team] < 0).any(axis=1) for team in Team], axis=1)
         self._n_unreadable += unreadable
         marks = unreadable.astype(np.uint8) * np.uint8(Mark.UNREADABLE)
         np.maximum(orders, 0, out=orders)
-        self._games.step(orders)
+        self.games.step(orders)
         self._write(orders, marks)
-        return [(row, self._finish(row)) for row in np.flatnonzero(self._games.is_over).tolist() if row in self.running]
+        return [(row, self._finish(row)) for row in np.flatnonzero(self.games.is_over).tolist() if row in self.running]
 
     def _write(self, orders: np.ndarray, marks: np.ndarray) -> None:
         """Add the tick to every running match's journal. This loop is the venue's cost per match: what it does, it does once."""
         tag = np.full((self.n_rows, 1), ord("T"), np.uint8)
-        records = np.concatenate([tag, orders.view(np.uint8), marks, self._games.digestible()], axis=1)
+        records = np.concatenate([tag, orders.view(np.uint8), marks, self.games.digestible()], axis=1)
         data, length, n_kept = records.tobytes(), records.shape[1], 1 + self._n_orders + len(Team)
         chains, pieces = self._chains, self._pieces
         for row in self.running:
@@ -271,8 +301,8 @@ class _Batch:
 
     def _finish(self, row: int) -> MatchRecord:
         plan = self.running.pop(row)
-        result = match_result(self._games, row)
-        for team, fighter in self._fighters.items():
+        result = match_result(self.games, row)
+        for team, fighter in self.fighters.items():
             if type(fighter).end is not BatchPolicy.end:
                 fighter.end(row, result.seen_by(team))
         self._pieces[row].append(write_ending(self._chains[row], result))
@@ -280,7 +310,7 @@ class _Batch:
         return MatchRecord(
             plan=plan,
             result=result,
-            faults=(self._fighters[Team.BLUE].take_faults(row), self._fighters[Team.RED].take_faults(row)),
+            faults=(self.fighters[Team.BLUE].take_faults(row), self.fighters[Team.RED].take_faults(row)),
             n_unreadable=(blue, red),
             journal=b"".join(self._pieces[row]),
         )

@@ -51,7 +51,8 @@ from arena.records.framing import (
 
 logger = logging.getLogger(__name__)
 
-_MAGICS = b"ARENA-TRANSCRIPT-1\n", b"ARENA-TRANSCRIPT-2\n", b"ARENA-TRANSCRIPT-3\n"
+_STEM = b"ARENA-TRANSCRIPT-"
+_MAGICS = tuple(_STEM + version + b"\n" for version in (b"1", b"2", b"3"))
 MAGIC = _MAGICS[-1]
 _UINT32 = Struct("<I")
 _NO_CHARGE = 0xFFFFFFFF
@@ -294,10 +295,15 @@ def _read_ending(source: FrameReader, data: bytes) -> MatchResult | None:
     return read_ending(packed, _KIND)
 
 
+def begins_transcript(data: bytes) -> bool:
+    """Whether bytes begin as a transcript's do, of whatever version."""
+    return data.startswith(_STEM)
+
+
 def is_transcript(path: Path) -> bool:
     """Whether a file begins as a transcript does; not so one that cannot be read."""
     try:
-        return read_file(path).startswith(_MAGICS)
+        return begins_transcript(read_file(path))
     except OSError:
         return False
 

@@ -94,6 +94,18 @@ class SandboxedProcess:
             raise ValueError("the process writes to a log")
         return stdin, stdout, stderr
 
+    def memory_bytes(self) -> int | None:
+        """Return what it and all that it started hold in memory; None where the system does not tell."""
+        return _resident_bytes(self.process.pid)
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal to the command itself, behind its wall or not; nothing is done if it has ended."""
+        pid = self.process.pid
+        with suppress(OSError, ValueError, IndexError):
+            while Path(f"/proc/{pid}/comm").read_text() == "bwrap\n":
+                pid = int(Path(f"/proc/{pid}/task/{pid}/children").read_text().split()[0])
+            os.kill(pid, number)
+
     def end(self, patience_s: float = 0.0) -> int:
         """End it and all that it started, unless it does so by itself soon; close the pipes, and return its exit code."""
         with suppress(subprocess.TimeoutExpired):
@@ -135,3 +147,22 @@ class SandboxedProcess:
 
 def _launch(order: dict[str, Any], command: Sequence[str]) -> list[str]:
     return [sys.executable, "-I", "-S", launcher.__file__, json.dumps(order), *command]
+
+
+def _resident_bytes(root: int) -> int | None:
+    """Return the resident memory of a process and all its descendants."""
+    parents: dict[int, int] = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # it has ended
+            parents[int(folder.name)] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+    if root not in parents:
+        return None
+    family, n_before = {root}, 0
+    while len(family) > n_before:
+        n_before = len(family)
+        family |= {pid for pid, parent in parents.items() if parent in family}
+    n_pages = 0
+    for pid in family:
+        with suppress(OSError):
+            n_pages += int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return n_pages * os.sysconf("SC_PAGE_SIZE")

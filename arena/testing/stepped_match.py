@@ -177,13 +177,19 @@ class SteppedMatch:
     def _step_until(self, orders: NDArray[np.int8], falls: Mapping[Team, Collection[int]]) -> None:
         """Play the tick with one luck after another, until those fall who are to."""
         state, first_red = self._games.state, self._games.n_units[Team.BLUE]
-        wanted = {unit + first_red * team for team, units in falls.items() for unit in units}
         arrays: Sequence[NDArray[Any]] = state
         before, fight_keys = [array.copy() for array in arrays], state.key[0, Purpose.FIGHT]
         key, lucks = fight_keys.copy(), np.random.default_rng(0)
+        alive = state.alive[0].copy()
+        for team, units in falls.items():
+            for unit in units:
+                if not (0 <= unit < self._games.n_units[team] and alive[unit + first_red * team]):
+                    raise ValueError(f"tick {self.tick}: {team.name.lower()} has no living unit {unit}, so it cannot fall")
+                alive[unit + first_red * team] = False
+        wanted = alive.tobytes()
         for _ in range(_MOST_LUCKS):
             self._games.step(orders)
-            if set(np.flatnonzero(self._games.events.fell[0]).tolist()) == wanted:
+            if state.alive[0].tobytes() == wanted:
                 fight_keys[:] = key
                 return
             for array, old in zip(arrays, before, strict=True):

@@ -15,6 +15,7 @@ from policies.cli import complete_policy
 if TYPE_CHECKING:
     from arena.policy import BatchFactory
     from clients.audit import Verdict
+    from clients.feedback import Feedback
     from clients.human.turn_mailbox import TurnMailbox
     from clients.seat import Seat
     from clients.settings import ClientSettings
@@ -41,7 +42,11 @@ def join(
     key: Annotated[Path | None, typer.Option(metavar="FILE", help="The entry's key; that of its name without it.")] = None,
     authority: Authority = None,
     audit: Annotated[bool, typer.Option(help="Check each match's journal once it may be seen.")] = True,
-    transcripts: Annotated[bool, typer.Option(help="Keep what each seat was shown, for `arena replay show`.")] = True,
+    transcripts: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where to keep what each seat was shown; transcripts in --data without it."),
+    ] = None,
+    no_transcripts: Annotated[bool, typer.Option("--no-transcripts", help="Keep none.")] = False,
     sandbox: Annotated[bool, typer.Option("--sandbox/--no-sandbox", help="Let the policy see nothing of this machine.")] = False,
     limit: Annotated[
         list[str] | None, typer.Option(metavar="NAME=N", help="What it may use, as memory_mb=500; may be repeated.")
@@ -62,6 +67,7 @@ def join(
     from arena.network.address import parse_address
     from arena.protocol.topics import check_chunk
     from arena.sandbox.limits import BEHIND_A_WALL, NO_LIMITS
+    from clients.feedback import Feedback
     from clients.runner import Runner
     from clients.settings import ClientSettings
     from policies.precompile import fighter_kernels
@@ -113,7 +119,7 @@ def join(
         trust=lambda pit_key: trust(where, pit_key, None if mailbox is None else notes.append),
         authority=authority,
         on_audit=_print_verdict if audit else None,
-        transcripts=data_folder(data_folder(data) / "transcripts") if transcripts else None,
+        transcripts=None if no_transcripts else data_folder(transcripts or data_folder(data) / "transcripts"),
     )
     if mailbox is not None:
         _play_as_human(mailbox, settings, notes)
@@ -125,8 +131,23 @@ def join(
             printed.add(reason)
             say(f"{settings.name} waits {reason}", err=True)
 
-    on_tick = (lambda: None) if alive is None else alive.touch
-    runner = Runner(settings, on_seat=_print_seat, on_end=_print_result, on_wait=on_wait, on_tick=on_tick)
+    feedback = Feedback()
+
+    def on_seat(seat: "Seat") -> None:
+        feedback.begin(seat)
+        _print_seat(seat)
+
+    def on_tick() -> None:
+        if alive is not None:
+            alive.touch()
+        for sentence in feedback.news():
+            say(sentence, err=True)
+
+    def on_end(seat: "Seat") -> None:
+        on_tick()
+        _print_result(seat, feedback)
+
+    runner = Runner(settings, on_seat=on_seat, on_end=on_end, on_wait=on_wait, on_tick=on_tick)
     signal.signal(signal.SIGTERM, lambda *_: runner.stop())
     if workers is None:
         runner.run()
@@ -134,6 +155,9 @@ def join(
     try:
         workers.wake = runner.wake
         runner.run()
+    except KeyboardInterrupt as error:
+        workers.explain(error)
+        raise
     finally:
         workers.close()
 
@@ -174,6 +198,7 @@ def _play_as_human(mailbox: "TurnMailbox", settings: "ClientSettings", notes: li
     """Give the terminal to a person until all is played, and print the results and `notes` afterwards."""
     from dataclasses import replace
 
+    from clients.feedback import Feedback
     from clients.runner import Runner
     from clients.terminal.app import PitApp
 
@@ -193,7 +218,7 @@ def _play_as_human(mailbox: "TurnMailbox", settings: "ClientSettings", notes: li
     for note in notes:
         say(note, err=True)
     for seat in over:
-        _print_result(seat)
+        _print_result(seat, Feedback())
     for seat, verdict in audited:
         _print_verdict(seat, verdict)
     if screen.failure is not None:
@@ -205,19 +230,23 @@ def _play_as_human(mailbox: "TurnMailbox", settings: "ClientSettings", notes: li
 def _print_seat(seat: "Seat") -> None:
     team, opponent = seat.team.name.lower(), seat.ticket.opponent
     say(f"match {seat.ticket.match}: {team} against {opponent}, rules {seat.ruleset.name}", err=True)
+    if seat.transcript is not None:
+        say(f"its transcript is written to {seat.transcript}", err=True)
 
 
-def _print_result(seat: "Seat") -> None:
+def _print_result(seat: "Seat", feedback: "Feedback") -> None:
     counted = (seat.ended.faults if seat.ended else {}).get(seat.team.name.lower(), {})
     faults = ", ".join(f"{n} {what}" for what, n in counted.items() if n)
     how = seat.result().describe(seat.team)
     say(f"match {seat.ticket.match}: {how}{f'; counted: {faults}' if faults else ''}")
     if seat.transcript is not None:
         say(f"its transcript is {seat.transcript}", err=True)
-    first = seat.faults().first_traceback
-    if first:
+    lines, traceback = feedback.end(seat)
+    for line in lines:
+        say(f"match {seat.ticket.match}: {line}", err=True)
+    if traceback:
         say("the policy first failed like this:", err=True)
-        say_lines(first, err=True)
+        say_lines(traceback, err=True)
 
 
 def _print_verdict(seat: "Seat", verdict: "Verdict") -> None:

@@ -1,8 +1,8 @@
 """What stands before every request: who may ask, and what a browser may do with the answer. Plain ASGI.
 
 A page on the loopback is within reach of every page that its user opens elsewhere. So the Host header must name this server (a
-stranger's name that was made to point here does not), a WebSocket must come from a page of this server, and a browser is told
-to load nothing from anywhere else.
+stranger's name that was made to point here does not), a WebSocket, and whatever sends something along, must come from a page of
+this server, and a browser is told to load nothing from anywhere else.
 """
 
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
@@ -35,12 +35,18 @@ HEADERS = {
     "cross-origin-resource-policy": "same-origin",
     "cache-control": "no-cache",
 }
+EMBEDDED = "/embed/"
+"""What stands below may be shown in a frame on pages of others: it can be looked at, and does nothing."""
+_EMBEDDED_HEADERS = HEADERS | {"content-security-policy": _POLICY.replace("frame-ancestors 'none'", "frame-ancestors *")}
 _RAW_HEADERS = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+_RAW_EMBEDDED_HEADERS = [(name.encode(), value.encode()) for name, value in _EMBEDDED_HEADERS.items()]
+_READING = ("GET", "HEAD")
+_NOT_OURS = b"only pages of this server may send it something\n"
 _REFUSED = b"this server is called otherwise; arena web --name says by which names it may be called\n"
 
 
 class Guard:
-    """Lets in what comes by one of the server's names, and WebSockets only from its own pages."""
+    """Lets in what comes by one of the server's names, and WebSockets and what is sent along only from its own pages."""
 
     def __init__(self, app: App, names: Iterable[str]) -> None:
         self._app = app
@@ -62,16 +68,25 @@ class Guard:
                 await send({"type": "websocket.close", "code": 1008})  # before it was accepted: the browser gets a 403
             return
         if not is_known:
-            await send({"type": "http.response.start", "status": 421, "headers": _RAW_HEADERS})
-            await send({"type": "http.response.body", "body": _REFUSED})
+            await _refuse(send, 421, _REFUSED)
             return
+        if scope["method"] not in _READING and not is_same_origin(headers.get("origin", ""), host):
+            await _refuse(send, 403, _NOT_OURS)
+            return
+
+        own = _RAW_EMBEDDED_HEADERS if scope["path"].startswith(EMBEDDED) else _RAW_HEADERS
 
         async def send_guarded(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
-                message["headers"] = [*message.get("headers", ()), *_RAW_HEADERS]
+                message["headers"] = [*message.get("headers", ()), *own]
             await send(message)
 
         await self._app(scope, receive, send_guarded)
+
+
+async def _refuse(send: Send, status: int, sentence: bytes) -> None:
+    await send({"type": "http.response.start", "status": status, "headers": _RAW_HEADERS})
+    await send({"type": "http.response.body", "body": sentence})
 
 
 def is_same_origin(origin: str, host: str) -> bool:

@@ -5,7 +5,9 @@ for something of its own.
 """
 
 import json
+import re
 from dataclasses import dataclass
+from functools import cache
 from html import escape
 from pathlib import Path
 
@@ -22,13 +24,19 @@ class Page:
     """In `assets/`."""
     link: str = ""
     """What it is called in the navigation; it stands there only if it is called something."""
+    is_embedded: bool = False
+    """Whether pages of others may show it in a frame; then it has no navigation."""
 
 
 PAGES = (
     Page(path="/", script="lobby.js", link="Lobby"),
     Page(path="/match/{match}", script="match.js"),
+    Page(path="/embed/match/{match}", script="embed.js", is_embedded=True),
+    Page(path="/open", script="open.js", link="Open"),
     Page(path="/play", script="play.js", link="Play"),
     Page(path="/league", script="league.js", link="Leaderboard"),
+    Page(path="/league/head-to-head", script="head_to_head.js"),
+    Page(path="/rules", script="rules.js", link="Rules"),
 )
 ABSENT = Page(path="", script="absent.js")
 """What stands at every other address."""
@@ -38,11 +46,27 @@ QUESTIONS = {
     "play": "/api/play",
     "leagues": "/api/leagues",
     "league": "/api/league",
+    "head_to_head": "/api/league/head-to-head",
+    "ladder": "/api/ladder",
     "league_replay": "/api/league/replay",
 }
 """What a page may ask for as JSON, by the name of the handler."""
+RECORDINGS = {"download": "/api/download/{form}/{match}", "open": "/api/open/{form}"}
+"""What `clients.web.recordings` answers by the names of its handlers; a page sends a file along to the second."""
 SOCKETS = {"watch_match": "/ws/match/{match}", "play_match": "/ws/play"}
 """Where a page may stay connected, likewise."""
+
+
+_IMPORT = re.compile(r'^import .* from "\./([\w.]+)";$', re.MULTILINE)
+
+
+@cache
+def find_modules(script: str) -> tuple[str, ...]:
+    """Return an asset and all that it imports: a browser that is told of them asks for all at once, not for one by the other."""
+    found = [script]
+    for name in found:
+        found += [one for one in _IMPORT.findall((ASSETS / name).read_text(encoding="utf-8")) if one not in found]
+    return tuple(found)
 
 
 def render(page: Page, parameters: dict[str, str]) -> str:
@@ -52,6 +76,13 @@ def render(page: Page, parameters: dict[str, str]) -> str:
         for other in PAGES
         if other.link
     )
-    start = {"script": f"/assets/{page.script}", "parameters": list(parameters.values()), "routes": QUESTIONS | SOCKETS}
+    start = {
+        "script": f"/assets/{page.script}",
+        "parameters": list(parameters.values()),
+        "routes": QUESTIONS | RECORDINGS | SOCKETS,
+    }
     shell = (ASSETS / "index.html").read_text(encoding="utf-8")
+    shell = shell.replace("<body>", '<body class="bare">') if page.is_embedded else shell
+    modules = "".join(f'<link rel="modulepreload" href="/assets/{name}">\n' for name in find_modules(page.script))
+    shell = shell.replace("{modules}\n", modules)
     return shell.replace("{links}", links).replace("{start}", escape(json.dumps(start)))

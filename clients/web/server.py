@@ -32,7 +32,8 @@ from clients.web.guard import LOOPBACK, Guard
 from clients.web.pit import PitClient
 from clients.web.play import BrowserSeat, BrowserSeats, check_fighter, read_wish
 from clients.web.providers import Leagues
-from clients.web.routes import ABSENT, ASSETS, PAGES, QUESTIONS, SOCKETS, Page, render
+from clients.web.recordings import Recordings
+from clients.web.routes import ABSENT, ASSETS, PAGES, QUESTIONS, RECORDINGS, SOCKETS, Page, render
 from policies import registry
 
 logger = logging.getLogger(__name__)
@@ -58,6 +59,7 @@ class WebSettings:
 def make_app(settings: WebSettings) -> Starlette:
     """Return the whole server as an application; its pit is looked for as long as it runs."""
     handlers = Handlers(settings)
+    recordings = Recordings(settings.pit, settings.leagues)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -73,6 +75,8 @@ def make_app(settings: WebSettings) -> Starlette:
         routes=[
             *(Route(page.path, partial(show, page)) for page in PAGES),
             *(Route(path, getattr(handlers, name)) for name, path in QUESTIONS.items()),
+            Route(RECORDINGS["download"], recordings.download),
+            Route(RECORDINGS["open"], recordings.open, methods=["POST"]),
             *(WebSocketRoute(path, getattr(handlers, name)) for name, path in SOCKETS.items()),
             Mount("/assets", StaticFiles(directory=ASSETS)),
         ],
@@ -125,13 +129,24 @@ class Handlers:
         return await _answer(play_again)
 
     async def leagues(self, _: Request) -> Response:
-        """Answer with the names of the leagues in the store."""
-        return await _answer(lambda: asyncio.to_thread(lambda: {"leagues": self._leagues.names()}))
+        """Answer with the names of the leagues and of the ladders in the store."""
+        names = {"leagues": self._leagues.names, "ladders": self._leagues.ladders}
+        return await _answer(lambda: asyncio.to_thread(lambda: {kind: ask() for kind, ask in names.items()}))
 
     async def league(self, request: Request) -> Response:
         """Answer with the report of a league."""
         name = request.query_params.get("name", "")
         return await _answer(lambda: asyncio.to_thread(self._leagues.report, name))
+
+    async def head_to_head(self, request: Request) -> Response:
+        """Answer with how two entries of a league fared against each other."""
+        league, one, other = (request.query_params.get(key, "") for key in ("league", "a", "b"))
+        return await _answer(lambda: asyncio.to_thread(self._leagues.head_to_head, league, one, other))
+
+    async def ladder(self, request: Request) -> Response:
+        """Answer with the standings of a ladder."""
+        name = request.query_params.get("name", "")
+        return await _answer(lambda: asyncio.to_thread(self._leagues.ladder, name))
 
     async def league_replay(self, request: Request) -> Response:
         """Answer with a match of a league, tick by tick."""

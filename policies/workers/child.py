@@ -3,12 +3,14 @@
 What it prints goes to stderr; the pipes of the messages are moved out of its way first.
 """
 
+import faulthandler
 import os
 import sys
 from typing import IO, Any
 
 import numpy as np
 
+from arena import current_call
 from arena.errors import ArenaError
 from arena.game.ruleset import Ruleset, read_rules
 from arena.game.types import Team
@@ -24,8 +26,9 @@ _FIRST = np.zeros(1, np.intp)
 class _Seat:
     """A policy for one seat of one match."""
 
-    def __init__(self, make: BatchFactory, ruleset: Ruleset, team: Team, *, keeps_annotations: bool) -> None:
+    def __init__(self, make: BatchFactory, ruleset: Ruleset, team: Team, match: str, *, keeps_annotations: bool) -> None:
         self._policy = make(ruleset, team, 1)
+        self._policy.name_match(0, match)
         self._policy.keeps_annotations = keeps_annotations
         self._reader = ObservationReader(ruleset, team)
         self._orders = np.zeros((1, len(ruleset.team(team))), np.int8)
@@ -51,6 +54,8 @@ class _Seat:
 def main() -> None:
     """Take the name of a fighter as `policies.registry` knows it."""
     inbox, outbox = _move_pipes()
+    faulthandler.register(current_call.SIGNAL, all_threads=False)
+    current_call.mark_prints()
     try:
         make = load(sys.argv[1])
         precompile(make)
@@ -65,8 +70,8 @@ def main() -> None:
     seats: dict[int, _Seat] = {}
     while (message := read_frame(inbox)) is not None:
         match message:
-            case ["start", seat, rules, team, keeps]:
-                seats[seat] = _Seat(make, read_rules(rules), Team(team), keeps_annotations=keeps)
+            case ["start", seat, rules, team, name, keeps]:
+                seats[seat] = _Seat(make, read_rules(rules), Team(team), name, keeps_annotations=keeps)
                 outbox.write(pack([seat, b"", *seats[seat].notes()]))
             case ["act", seat, data]:
                 orders = seats[seat].act(data)

@@ -1,10 +1,10 @@
 """What a fighter's process and its owner say to each other: MessagePack, each message behind its length.
 
-    to it    ["start", seat, {"name": ..., rules}, team, keeps]   a match begins; whether its annotations are wanted
-    to it    ["act", seat, observation]                          as `arena.protocol.observation_codec` packs it
-    to it    ["end", seat, {"ending": ..., ...}]                 the match is over
-    from it  ["loaded"] or ["failed", why]                       once
-    from it  [seat, orders, faults, annotations]                 for each start, with b"" as orders, and for each act
+    to it    ["start", seat, {rules}, team, match, keeps]   a match begins: its name, and whether its annotations are wanted
+    to it    ["act", seat, observation]                     as `arena.protocol.observation_codec` packs it
+    to it    ["end", seat, {"ending": ..., ...}]            the match is over
+    from it  ["loaded"] or ["failed", why]                  once
+    from it  [seat, orders, faults, annotations]            for each start, with b"" as orders, and for each act
 
 A seat is a number of the owner's choice, and orders are a byte per unit. `faults` are the fields of `arena.policy.Faults`, since
 the answer before; annotations are packed by `arena.annotations`.

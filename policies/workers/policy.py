@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from platformdirs import user_data_path
 
 from arena.annotations import read_annotations
+from arena.current_call import START, Place
 from arena.errors import InputError, PolicyError, UnreadableError
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, rules_values
@@ -55,6 +56,10 @@ class WorkerFactory:
         Called from another thread with what limit a process met.
     patience_s
         How long to wait for an answer, without `wake`; a process that takes longer is ended.
+    is_shared
+        Whether one process plays all seats; without it, as suits the fighter.
+    on_output
+        Called from another thread with what processes print, in pieces; without it, that is passed on to stderr.
     """
 
     most_seats = 8
@@ -70,6 +75,8 @@ class WorkerFactory:
         wake: Callable[[], None] | None = None,
         on_limit: Callable[[str], None] = lambda _: None,
         patience_s: float | None = None,
+        is_shared: bool | None = None,
+        on_output: Callable[[bytes], None] | None = None,
     ) -> None:
         self.spec, self.wake, self.on_limit = spec, wake, on_limit
         self._command, files = resolve(spec)
@@ -77,13 +84,13 @@ class WorkerFactory:
             _check_readable(spec, files)
         self._sandbox = Sandbox(has_wall=has_wall, limits=limits, readable=(*files, cache_root()))
         self._n_spare, self._patience_s = n_spare, patience_s
-        self._log = OutputLog(limits)
+        self._log = OutputLog(limits, on_output)
         self._spare: deque[Worker] = deque()
         self._workers: set[Worker] = set()
         self._changed = Condition()
         self._next_seat = 0
         self._is_closed = False
-        self.is_shared = not (spec.startswith(PROGRAM) or spec.endswith(".py"))
+        self.is_shared = not (spec.startswith(PROGRAM) or spec.endswith(".py")) if is_shared is None else is_shared
         atexit.register(self.close)
 
     def __call__(self, ruleset: Ruleset, team: Team, n_seats: int) -> "WorkerPolicy":
@@ -139,12 +146,29 @@ class WorkerFactory:
 
     def wait(self, workers: Iterable[Worker], are_ready: Callable[[], bool]) -> None:
         """Wait until something is so that changes when a process says something; end those that keep us waiting for too long."""
-        with self._changed:
-            is_so = self._changed.wait_for(are_ready, self._patience_s)
+        try:
+            with self._changed:
+                is_so = self._changed.wait_for(are_ready, self._patience_s)
+        except KeyboardInterrupt as error:
+            self.explain(error)
+            raise
         if not is_so:
             for worker in workers:
-                worker.kill(f"it did not answer within {self._patience_s:g} s")
+                where = " ".join((worker.whereabouts() or "").split())
+                stood = f"; {where}" if " line " in where else ""  # of a program, nothing is known
+                worker.kill(f"it did not answer within {self._patience_s:g} s{stood}")
             are_ready()
+
+    def memory_bytes(self) -> int | None:
+        """Return what all its processes hold in memory; None where the system does not tell."""
+        held = [worker.memory_bytes() for worker in self._workers]
+        return None if None in held else sum(filter(None, held))
+
+    def explain(self, error: BaseException) -> None:
+        """Note on an interrupt where those fighters are that have not answered."""
+        for worker in list(self._workers):
+            if (where := worker.whereabouts()) is not None:
+                error.add_note(where)
 
     def close(self) -> None:
         """End all processes."""
@@ -206,6 +230,7 @@ class _Row:
 
     worker: Worker
     number: int
+    place: Place
     is_begun: bool = False
     """Whether its process was told of the match."""
     is_started: bool = False
@@ -225,6 +250,11 @@ class WorkerPolicy(BatchPolicy):
         self._last_faults = [Faults() for _ in range(n_seats)]
         """Of matches that are over."""
         self._rules = rules_values(ruleset)
+        self._places = [Place("", team)] * n_seats
+
+    def name_match(self, seat: int, match: str) -> None:
+        """Hear what the match of `seat` is called."""
+        self._places[seat] = Place(match, self.team)
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Begin a match for each of `seats`; `Thinking` while one is not ready for it."""
@@ -232,7 +262,7 @@ class WorkerPolicy(BatchPolicy):
             row = self._rows[seat]
             if row is None or row.is_started:
                 self._release(seat)
-                self._rows[seat] = _Row(self._factory.acquire(), self._factory.new_seat())
+                self._rows[seat] = _Row(self._factory.acquire(), self._factory.new_seat(), self._places[seat])
         rows = [row for row in self._rows if row is not None]
         self._await(rows, self._is_started)
 
@@ -242,6 +272,7 @@ class WorkerPolicy(BatchPolicy):
             row = self._rows[seat]
             if row is not None and not row.is_asked:
                 row.is_asked = True
+                row.worker.asked = row.place, int(observations.tick[seat])
                 row.worker.ask(row.number, ObservationWriter(observations, seat).write())
         self._await([row for row in self._rows if row is not None], lambda row: row.worker.has_answer(row.number))
         for seat in range(len(observations)):
@@ -292,7 +323,8 @@ class WorkerPolicy(BatchPolicy):
         worker = row.worker
         if worker.is_loaded and not row.is_begun:
             row.is_begun = True
-            worker.start(row.number, self._rules, int(self.team), keeps_annotations=self.keeps_annotations)
+            worker.asked = row.place, START
+            worker.start(row.number, self._rules, int(self.team), row.place.match, keeps_annotations=self.keeps_annotations)
         if not row.is_started and worker.failure is not None:
             row.is_started = True
         elif not row.is_started and row.is_begun and (answer := worker.take(row.number)) is not None:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from threading import Lock, Thread
 from typing import Any
 
+from arena import current_call
 from arena.console import clean
 from arena.errors import UnreadableError
 from arena.policy import Faults
@@ -43,9 +44,10 @@ _WORDS = {
 
 
 class OutputLog:
-    """Passes on what fighters print, up to a bound."""
+    """Passes on what fighters print, up to a bound: to stderr, or to `take`."""
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: Limits, take: Callable[[bytes], None] | None = None) -> None:
+        self._take = take
         self._n_left = sys.maxsize if limits.output_kb is None else limits.output_kb << 10
         self._lock = Lock()
 
@@ -54,7 +56,9 @@ class OutputLog:
         with self._lock:
             before = self._n_left
             self._n_left -= len(data)
-        if before > 0:
+        if before > 0 and self._take is not None:
+            self._take(data[:before])
+        elif before > 0:
             with suppress(OSError, ValueError):  # our own stderr may be closed, or its disk full
                 sys.stderr.write("\n".join(map(clean, data[:before].decode("utf-8", "replace").split("\n"))))
                 sys.stderr.flush()
@@ -112,14 +116,18 @@ class Worker:
         """Whether it can be asked."""
         self.failure: str | None = None
         """Why it answers no more, in a sentence."""
+        self.asked: tuple[current_call.Place, int] | None = None
+        """Where it is asked next, or was asked last."""
+        self._dump: bytearray | None = None
+        """What it writes to stderr from the moment on that it is to write its stack."""
         self._wake_read, self._wake_write = os.pipe()
         self._listener = Thread(target=self._listen, name=f"listens to {spec}", daemon=True)
         self._listener.start()
 
-    def start(self, seat: int, rules: dict[str, Any], team: int, *, keeps_annotations: bool) -> None:
+    def start(self, seat: int, rules: dict[str, Any], team: int, match: str, *, keeps_annotations: bool) -> None:
         """Begin a match under a number that is new."""
         self._answers[seat] = deque()
-        self._send(["start", seat, rules, team, keeps_annotations], n_answers=1)
+        self._send(["start", seat, rules, team, match, keeps_annotations], n_answers=1)
 
     def ask(self, seat: int, observation: bytes) -> None:
         """Show a seat an observation."""
@@ -138,6 +146,19 @@ class Worker:
         """Return what a seat has answered to the oldest message that it was not taken of, if it has."""
         answers = self._answers.get(seat)
         return answers.popleft() if answers else None
+
+    def memory_bytes(self) -> int | None:
+        """Return what it holds in memory, with all that it started; None where the system does not tell."""
+        return self._process.memory_bytes()
+
+    def whereabouts(self) -> str | None:
+        """Return where the fighter is, by its own stack, if it owes an answer; waits for that for a moment."""
+        if self.asked is None or self._n_owed <= 0 or self.failure is not None:
+            return None
+        place, tick = self.asked
+        dump = self._dump = bytearray()
+        self._process.send_signal(current_call.SIGNAL)
+        return current_call.tell(place.describe(tick), current_call.await_stack(lambda: bytes(dump)))
 
     def _send(self, message: list[Any], n_answers: int = 0) -> None:
         """Tell it something; nothing comes of that if it has ended."""
@@ -258,7 +279,10 @@ class Worker:
         if not data:
             selector.unregister(self._stderr)
             return
-        self._log.write(data)
+        if self._dump is None:
+            self._log.write(data)
+        elif len(self._dump) < _CHUNK:
+            self._dump += data
         self._n_printed += len(data)
         if self._limits.output_kb is not None and self._n_printed > self._limits.output_kb << 10:
             selector.unregister(self._stderr)  # from here on, whoever goes on printing waits for us

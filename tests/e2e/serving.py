@@ -4,7 +4,7 @@ import asyncio
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import uvicorn
 
@@ -14,7 +14,12 @@ from clients.web.pit import PitClient
 from clients.web.providers import Leagues
 from clients.web.server import WebSettings, listen, make_app
 
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
 PATIENCE_S = 30.0
+EVIL = "<script>window.evil = 1</script><img src=x onerror='window.evil = 1'>"
+"""What must be text wherever a page shows it."""
 
 
 class Archive(PitClient):
@@ -61,3 +66,8 @@ def serving(pit: PitClient, leagues: Leagues | None = None) -> Iterator[str]:
         server.should_exit = True
         thread.join(PATIENCE_S)
         assert not thread.is_alive()
+
+
+def is_harmless(page: "Page") -> bool:
+    """Whether nothing of `EVIL` became markup."""
+    return bool(page.evaluate("window.evil === undefined")) and page.locator("main script, main img:not([role])").count() == 0

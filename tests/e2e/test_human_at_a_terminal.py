@@ -1,75 +1,17 @@
 """A person at a real terminal, in a real pit, against patrol."""
 
-import fcntl
-import os
-import pty
 import re
-import select
-import struct
-import subprocess
-import sys
-import termios
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from terminals import Terminal
 
 from arena.records.journal import load_journal
 from arena.records.replay import verify
 
 Start = Callable[..., Any]
-PATIENCE_S = 60.0
-ARENA = [sys.executable, "-c", "from tournaments.cli import main; main()"]
-
-
-class Terminal:
-    """A command on a terminal of 80 columns and 24 rows."""
-
-    def __init__(self, *arguments: object) -> None:
-        self._end, end = pty.openpty()
-        fcntl.ioctl(end, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
-        environment = {**os.environ, "TERM": "xterm-256color"}
-        self.process = subprocess.Popen(
-            [*ARENA, *map(str, arguments)], stdin=end, stdout=end, stderr=end, env=environment, start_new_session=True
-        )
-        os.close(end)
-        self.said = ""
-
-    def read(self) -> bool:
-        """Wait for the next piece of what it writes; False at its end."""
-        assert select.select([self._end], [], [], PATIENCE_S)[0], f"it says nothing more after:\n{self.said[-2000:]}"
-        with suppress(OSError):  # what Linux says when the last writer has gone
-            piece = os.read(self._end, 1 << 16)
-            self.said += piece.decode(errors="replace")
-            return bool(piece)
-        return False
-
-    def wait_for(self, text: str) -> None:
-        while text not in self.said:
-            assert self.read(), f"{text!r} is missing in:\n{self.said[-2000:]}"
-
-    def press(self, keys: str) -> None:
-        os.write(self._end, keys.encode())
-
-    def close(self) -> None:
-        self.process.kill()
-        self.process.wait()
-        os.close(self._end)
-
-
-@pytest.fixture
-def terminal() -> Iterator[Callable[..., Terminal]]:
-    opened: list[Terminal] = []
-
-    def begin(*arguments: object) -> Terminal:
-        opened.append(Terminal(*arguments))
-        return opened[-1]
-
-    yield begin
-    for one in opened:
-        one.close()
 
 
 def test_a_person_plays_a_match_against_patrol_to_its_end(
@@ -87,10 +29,8 @@ def test_a_person_plays_a_match_against_patrol_to_its_end(
         screen.press("\r")  # its every answer is a sign that it may be pressed again
         assert screen.read()
     screen.press("\r")
-    while screen.read():
-        pass
 
-    assert (screen.process.wait(PATIENCE_S), pit.finish()) == (0, 0)
+    assert (screen.read_to_the_end(), pit.finish()) == (0, 0)
     [path] = (tmp_path / "journals").glob("*.journal")
     journal = load_journal(path)
     assert journal.header.red == "me"
@@ -111,8 +51,7 @@ def test_a_key_changes_what_the_pit_is_sent(
     screen.press("\r")
     screen.wait_for("Press Enter to go on")
     screen.press("\r")
-    while screen.read():
-        pass
+    screen.read_to_the_end()
 
     assert pit.finish() == 0
     [path] = (tmp_path / "journals").glob("*.journal")

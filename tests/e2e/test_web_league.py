@@ -80,8 +80,10 @@ def test_a_cell_leads_to_its_replays_and_a_changed_journal_says_where_it_breaks(
 ) -> None:
     page = visit(f"{home}/league")
     page.get_by_role("button", name="rush against random").click()
-    assert page.locator("#fixture li").count() == 4
-    page.locator("#fixture li").first.get_by_role("link", name="Replay").click()
+    matches = page.get_by_role("table", name="Matches").get_by_role("link", name="Replay of")
+    matches.first.wait_for()
+    assert matches.count() == 4
+    matches.first.click()
     says(page, "Every tick was played again and holds.")
     assert page.get_by_role("alert").count() == 0
     address = page.url
@@ -102,3 +104,35 @@ def test_a_match_that_no_league_has_is_said_and_the_leaderboard_offered(home: st
     says(page, "league friday has no match friday/../../keys that is over")
     page.get_by_role("link", name="To the leaderboard").click()
     says(page, "12 of 12 matches")
+
+
+def test_a_lobby_in_which_nothing_happens_plays_the_last_match_until_it_is_told_to_pause(home: str, visit: Start) -> None:
+    page = visit(f"{home}/")
+    board = page.get_by_role("img", name="The last match")
+    picture = "board => board.toDataURL()"
+    first = board.evaluate(picture)
+
+    page.wait_for_function("first => document.querySelector('canvas').toDataURL() !== first", arg=first)
+    page.get_by_role("button", name="Pause").click()
+
+    still = board.evaluate(picture)
+    page.get_by_role("button", name="Play").wait_for()
+    assert board.evaluate(picture) == still
+    page.locator(".last").get_by_role("link").click()
+    says(page, "Every tick was played again and holds.")
+
+
+def test_the_heading_of_a_fixture_leads_to_a_page_that_counts_from_the_other_side_as_well(home: str, visit: Start) -> None:
+    page = visit(f"{home}/league")
+    page.get_by_role("button", name="rush against random").click()
+    page.get_by_role("link", name="rush against random", exact=True).click()
+    record = page.get_by_role("table", name="Record of rush").locator("tbody tr").first.locator("td")
+    record.first.wait_for()
+    won, drawn, lost = record.all_text_contents()
+
+    page.goto(f"{home}/league/head-to-head?league=friday&a=random&b=rush")
+    record = page.get_by_role("table", name="Record of random").locator("tbody tr").first.locator("td")
+    record.first.wait_for()
+    assert record.all_text_contents() == [lost, drawn, won]
+    page.goto(f"{home}/league/head-to-head?league=friday&a=random&b=nobody")
+    says(page, "unknown entry 'nobody'")

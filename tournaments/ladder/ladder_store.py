@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from sqlalchemy import Connection, select
+from sqlalchemy import Connection, func, select
 
 from arena.errors import ArenaError
 from arena.game.types import Team
@@ -53,13 +53,18 @@ class LadderStore(Store):
         query = select(LADDER_MATCHES.c.rules).where(LADDER_MATCHES.c.ladder == ladder).limit(1)
         return self._do("read", lambda connection: connection.scalar(query))
 
+    def ladders(self) -> list[str]:
+        """Return all ladders, the one on which a match was counted last first."""
+        last = func.max(LADDER_MATCHES.c.id)
+        query = select(LADDER_MATCHES.c.ladder).group_by(LADDER_MATCHES.c.ladder).order_by(last.desc())
+        return self._do("read", lambda connection: list(connection.scalars(query)))
+
     def latest_ladder(self) -> str:
         """Return the ladder on which a match was counted last."""
-        query = select(LADDER_MATCHES.c.ladder).order_by(LADDER_MATCHES.c.id.desc()).limit(1)
-        found: str | None = self._do("read", lambda connection: connection.scalar(query))
-        if found is None:
+        ladders = self.ladders()
+        if not ladders:
             raise StoreError("the store holds no ladder yet; arena serve --ladder begins one")
-        return found
+        return ladders[0]
 
     def count_match(self, ladder: str, match: LadderMatch, after: dict[Team, LadderEntry]) -> bool:
         """Keep a match, and its two entries as they are after it; False if it was counted before, which changes nothing."""

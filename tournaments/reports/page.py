@@ -15,10 +15,12 @@ from jinja2 import Environment, StrictUndefined, Template
 
 from arena.records.journal import journal_name
 from arena.records.plan import LeagueMatchId
+from clients.web.page_file import player_page
 from tournaments.outcome import Outcome
 from tournaments.ratings.methods import DEFAULT
 from tournaments.reports.charts import chance_map, format_record, heat_map, rating_plot, side_plot
 from tournaments.reports.leaderboard import STRENGTH, failure_columns, latency_columns
+from tournaments.reports.replays import pack_replays
 from tournaments.reports.report import LATENCY_NOTE, MOST_SHOWN, Report, verdict_lines, warnings
 from tournaments.store.store import StoredLeague
 
@@ -41,6 +43,8 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
     failures, absent = failure_columns(standings.rows)
     fixtures = _fixtures(report.outcomes)
     is_listed = standings.n_matches <= MOST_LISTED
+    replays = pack_replays(report, journals)
+    player, source = player_page() if replays else ("", "")
     found = {} if is_listed else {pair: _letters(report.league, pair, fixtures[pair]) for pair in fixtures}
     return _template().render(
         report=report,
@@ -60,7 +64,9 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
         residuals=standings.residuals[:MOST_SHOWN],
         verdict=verdict_lines(report),
         warnings=warnings(report),
-        fixtures=[_list(report, pair, fixtures[pair], folder) for pair in fixtures] if is_listed else [],
+        fixtures=[_list(report, pair, fixtures[pair], folder, replays) for pair in fixtures] if is_listed else [],
+        player=player,
+        player_source=source,
         numbers={pair: number for number, pair in enumerate(fixtures)} if is_listed else {},
         letters={pair: text for pair, text in found.items() if text is not None},
         folder=folder,
@@ -91,8 +97,10 @@ def _fixtures(outcomes: Iterable[Outcome]) -> Mapping[tuple[str, str], Sequence[
     return dict(sorted(fixtures.items()))
 
 
-def _list(report: Report, pair: tuple[str, str], outcomes: Sequence[Outcome], folder: str) -> dict[str, Any]:
-    """Return a fixture with its matches, and where their journals lie."""
+def _list(
+    report: Report, pair: tuple[str, str], outcomes: Sequence[Outcome], folder: str, replays: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return a fixture with its matches, their replays if there are any, and where their journals lie."""
     return {
         "pair": pair,
         "says": " v ".join(pair) + ": " + format_record(report.standings.cross[pair]),
@@ -101,6 +109,7 @@ def _list(report: Report, pair: tuple[str, str], outcomes: Sequence[Outcome], fo
                 "outcome": outcome,
                 "says": f"{outcome.headline}, {outcome.result.ticks} ticks",
                 "url": folder + _url(journal_name(outcome.identity)),
+                "replay": replays.get(outcome.identity, ""),
             }
             for outcome in outcomes
         ],

@@ -1,23 +1,27 @@
-"""The leagues of a store for the web page: their reports, live, and the journals that may be seen.
+"""The leagues and ladders of a store for the web page: their reports, live, and the journals that may be seen.
 
 `clients.web.providers.Leagues` is what the page asks of them.
 """
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from arena.errors import ArenaError, InputError, JournalError
-from arena.files import read_file
-from arena.records.journal import journal_name
-from arena.records.plan import LeagueMatchId
+from arena.errors import ArenaError, InputError, UnknownNameError
+from arena.records.journal import read_journal
+from tournaments.ladder.ladder_store import LadderStore
+from tournaments.outcome import Outcome
+from tournaments.reports.head_to_head import head_to_head
+from tournaments.reports.ladder_table import describe_ladder
 from tournaments.reports.leaderboard import as_web_table
+from tournaments.reports.replays import find_visible, read_journal_file
 from tournaments.reports.report import make_report, to_document
+from tournaments.reports.tags import Course, read_course, tag_course, tag_results
 from tournaments.running.scheduler import Folders
 from tournaments.store.store import Store
 
 _N_DRAWS = 200
 """Of the intervals while a league runs, when they are drawn anew after every match; then as many as in its report."""
-_MOST_BYTES = 1 << 24
 
 
 class Leagues:
@@ -28,6 +32,8 @@ class Leagues:
         self._db = db or str(data / "arena.db")
         self._reports: dict[str, tuple[tuple[str, int, int], dict[str, Any]]] = {}
         """By league: its hash, its pairs and how many results it had, and what was reported of them."""
+        self._courses: dict[tuple[str, str], Course] = {}
+        """By league and match: what tags need of its journal."""
 
     def names(self) -> list[str]:
         """Return the names of all leagues, the one that was run last first; none if there is no store."""
@@ -50,18 +56,42 @@ class Leagues:
         if report.is_complete:
             report = make_report(league, outcomes)
         document = {**to_document(report), "leaderboard": as_web_table(report.standings.rows)}
-        document["results"] = [
-            {
-                "identity": one.identity,
-                "blue": one.blue,
-                "red": one.red,
-                "headline": one.headline,
-                "ticks": one.result.ticks,
-            }
-            for one in outcomes
-        ]
+        document["results"] = [{"identity": one.identity, "blue": one.blue, "red": one.red} for one in outcomes]
         self._reports[name] = (*state[:2], len(outcomes)), document
         return document
+
+    def head_to_head(self, name: str, one: str, other: str) -> dict[str, Any]:
+        """Return how two entries of a league fared against each other; tags that need a journal once it may be seen."""
+        elo = {row["entry"]: row["elo"] for row in self.report(name)["standings"]}
+        for entry in (one, other):
+            if entry not in elo:
+                raise UnknownNameError("entry", entry, elo)
+        with self._open() as store:
+            outcomes = store.outcomes(store.get(name))
+        tags = tag_results(outcomes, elo)
+        for outcome in outcomes:
+            if {outcome.blue, outcome.red} == {one, other}:
+                with suppress(ArenaError):  # it may not be seen yet, is gone, or does not hold, as its replay says
+                    tags.setdefault(outcome.identity, []).extend(self._tag_course(name, outcome))
+        return {"league": name, **head_to_head(outcomes, one, other, tags)}
+
+    def _tag_course(self, name: str, outcome: Outcome) -> list[str]:
+        key = name, outcome.identity
+        if key not in self._courses:
+            self._courses[key] = read_course(read_journal(self.journal(*key)))
+        return tag_course(outcome.result, self._courses[key])
+
+    def ladders(self) -> list[str]:
+        """Return the names of all ladders, the one that was played on last first; none if there is no store."""
+        try:
+            with LadderStore(self._db, make=False) as store:
+                return store.ladders()
+        except InputError:
+            return []
+
+    def ladder(self, name: str) -> dict[str, Any]:
+        """Return the standings of a ladder, and its `leaderboard` as that of a league."""
+        return describe_ladder(self._db, name)
 
     def journal(self, name: str, identity: str) -> bytes:
         """Return the journal of a match, once all matches of its two entries are over: another may be on its map.
@@ -73,18 +103,12 @@ class Leagues:
             played = store.identities(league)
         if identity not in played:
             raise ArenaError(f"league {name} has no match {identity} that is over")
-        match, others = LeagueMatchId.parse(identity), [LeagueMatchId.parse(one) for one in played]
-        is_pair_over = sum(one.pair_id == match.pair_id for one in others) == 2
-        is_fixture_over = sum(one.fixture == match.fixture for one in others) >= 2 * league.n_pairs
-        if not is_fixture_over and not (is_pair_over and self.report(name)["matches"]["complete"]):
+        visible = find_visible(played, league.n_pairs, is_complete=False)
+        if identity not in visible and self.report(name)["matches"]["complete"]:
+            visible = find_visible(played, league.n_pairs, is_complete=True)
+        if identity not in visible:
             raise ArenaError("the journal is not to be seen until the last match of these two is over")
-        path = self._folders.journals(name) / journal_name(identity)
-        try:
-            if path.stat().st_size > _MOST_BYTES:
-                raise JournalError(f"the journal {path.name} is too long to be one")
-            return read_file(path)
-        except OSError as error:
-            raise JournalError(f"the journal {path.name} cannot be read: {error.strerror}") from error
+        return read_journal_file(self._folders.journals(name), identity)
 
     def _open(self) -> Store:
         return Store(self._db, make=False)

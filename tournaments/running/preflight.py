@@ -11,10 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from statistics import median
 from threading import Lock
 
-import numpy as np
-
 from arena.errors import ArenaError, InputError, PolicyError
-from arena.game.engine import BatchedGame
 from arena.game.keys import KEY_BYTES, MatchKeys
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
@@ -24,6 +21,7 @@ from policies.program import PREFIX as PROGRAM
 from policies.registry import OWN
 from policies.workers.policy import WorkerFactory
 from tournaments.league.entries import public_key_of
+from tournaments.running.trial import Trial
 
 PATIENCE_S = 60.0
 """What is not ready to play by then is taken not to be at all; a large network is loaded in it."""
@@ -57,7 +55,7 @@ def check_entries(
     for name, spec in sorted(entries.items()):
         if public_key_of(spec) is None and spec not in OWN:
             tried.setdefault((spec, sandboxes.get(name, _TRUSTED)), []).append(name)
-    trials = [_Trial(spec, sandbox, ruleset, patience_s) for spec, sandbox in tried]
+    trials = [_Attempt(spec, sandbox, ruleset, patience_s) for spec, sandbox in tried]
     turn = Lock()
     with ThreadPoolExecutor(_AT_ONCE) as pool:
         try:
@@ -72,7 +70,7 @@ def check_entries(
     return {name: trial.think_s for trial, names in named for name in names}
 
 
-class _Trial:
+class _Attempt:
     """Loads a fighter, and times its turns."""
 
     def __init__(self, spec: str, sandbox: Sandbox, ruleset: Ruleset, patience_s: float) -> None:
@@ -103,25 +101,18 @@ class _Trial:
             self._factory.close()
 
     def _time(self) -> float:
-        fighter = self._factory(self._ruleset, Team.BLUE, 1)
-        fighter.start(np.arange(1))
-        self._raise_if_it_failed(fighter.take_faults(0).first_traceback)
-        games = BatchedGame(self._ruleset, 1)
-        games.start([0], [MatchKeys(map_key=bytes(KEY_BYTES), match_key=bytes(KEY_BYTES))])
-        n_blue, n_red = (games.n_units[team] for team in Team)
+        trial = Trial(self._factory, self._ruleset, Team.BLUE, MatchKeys(map_key=bytes(KEY_BYTES), match_key=bytes(KEY_BYTES)))
+        self._raise_if_it_failed(trial.start().first_traceback)
         took_s: list[float] = []
         until_s = time.monotonic() + _MOST_S
-        while len(took_s) <= _MOST_TURNS and not games.has_ended(0) and (len(took_s) < 2 or time.monotonic() < until_s):
-            orders = np.zeros((1, n_blue), np.int8)
-            begun_s = time.monotonic()
-            fighter.act(games.observe()[Team.BLUE], orders)
-            took_s.append(time.monotonic() - begun_s)
-            failure = fighter.take_faults(0).first_traceback
+        while len(took_s) <= _MOST_TURNS and not trial.is_over and (len(took_s) < 2 or time.monotonic() < until_s):
+            turn = trial.play_turn()
+            took_s.append(turn.took_s)
+            failure = turn.faults.first_traceback
             if failure is not None:
                 if self._spec.startswith(PROGRAM) and len(took_s) == 1:  # which has no other way to say that it is there
                     self._raise_if_it_failed(failure)
                 break
-            games.play(np.concatenate([np.maximum(orders, 0), np.zeros((1, n_red), np.int8)], axis=1))
         return median(took_s[1:-1] or took_s[:1])
 
     def _raise_if_it_failed(self, traceback: str | None) -> None:

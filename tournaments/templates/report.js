@@ -59,3 +59,19 @@ for (const cell of document.querySelectorAll("[data-of]")) cell.addEventListener
   summary.scrollIntoView({block: "center"});
   summary.focus({preventScroll: true});
 });
+
+// A match whose replay stands in the page opens in a window over it; its player is a page in a frame.
+const room = document.getElementById("replay");
+if (room) {
+  const player = JSON.parse(document.getElementById("player").textContent);
+  const [journal, close] = room.querySelectorAll("a, button");
+  for (const link of document.querySelectorAll("[data-replay]")) link.addEventListener("click", event => {
+    event.preventDefault();
+    journal.href = link.href;
+    room.querySelector("iframe")?.remove();
+    room.append(make("iframe", {title: `Replay: ${link.textContent}`, srcdoc: player.replace("{match}", link.dataset.replay)}));
+    room.showModal();
+  });
+  close.addEventListener("click", () => room.close());
+  room.addEventListener("close", () => room.querySelector("iframe")?.remove());
+}

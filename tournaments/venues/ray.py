@@ -23,7 +23,8 @@ from ray.exceptions import RayError, RayTaskError
 from arena.errors import ArenaError, InputError
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION
-from arena.local.venue import BarePlan, BareRecord, MatchRecord, dress, make_folder, play_bare, save, split, strip
+from arena.local.saving import make_folder, save
+from arena.local.venue import BarePlan, BareRecord, MatchRecord, dress, play_bare, split, strip
 from arena.records.plan import MatchPlan
 from policies.registry import load_entry
 from tournaments.outcome import Outcome

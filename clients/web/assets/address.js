@@ -13,6 +13,7 @@ export function readPlace() {
 
 /** Keep a tick in the address, and the view if one was chosen. */
 export function keepPlace(tick, view) {
+  if (location.protocol === "about:") return; // a page inside another, which has no address of its own
   clearTimeout(due);
   due = setTimeout(() => {
     const query = new URLSearchParams(location.search);

@@ -81,11 +81,12 @@ export class Board {
     for (const heat of scene.heats ?? []) this.drawHeat(heat);
     for (const area of scene.sights ?? []) this.drawSight(area);
     for (const disc of scene.discs ?? []) this.drawDisc(disc);
+    for (const drawing of scene.drawings ?? []) this.drawDrawing(drawing);
     for (const trail of scene.trails ?? []) this.drawTrail(trail);
     for (const route of scene.routes ?? []) this.drawRoute(route);
     for (let cell = 0; cell < scene.grid.length; cell++) this.drawThing(cell, scene.grid[cell]);
     for (const mark of scene.marks ?? []) this.drawMark(mark);
-    for (const drawing of scene.drawings ?? []) this.drawDrawing(drawing);
+    for (const { cell, text } of scene.drawings ?? []) if (text) this.writeOver(text, (cell[1] + 0.5) * size, (cell[0] + 0.5) * size);
     for (const arrow of scene.arrows ?? []) this.drawArrow(arrow);
     if (scene.selected) this.frame(scene.selected, this.colour.ink, 0.12);
     for (const number of scene.numbers ?? []) this.drawNumber(number);
@@ -274,9 +275,9 @@ export class Board {
     const [down, right] = step;
     const at = (ahead, aside) => [(column + 0.5 + right * ahead + down * aside) * size, (row + 0.5 + down * ahead + right * aside) * size];
     pen.beginPath();
-    pen.moveTo(...at(0.82, 0));
-    pen.lineTo(...at(0.46, 0.28));
-    pen.lineTo(...at(0.46, -0.28));
+    pen.moveTo(...at(0.74, 0));
+    pen.lineTo(...at(0.45, 0.24));
+    pen.lineTo(...at(0.45, -0.24));
     pen.closePath();
     pen.fillStyle = colour.ink;
     pen.strokeStyle = colour[`half-${team}`];
@@ -285,8 +286,8 @@ export class Board {
     pen.fill();
   }
 
-  /** What a bot drew: a cell with a text, a path, or a heat over the whole board. */
-  drawDrawing({ cell, path, levels, colour, text }) {
+  /** What a bot drew, under the units: a cell, a path, or a heat over the whole board. */
+  drawDrawing({ cell, path, levels, colour }) {
     const { pen, size } = this;
     const paint = PAINTS[colour] ?? PAINTS.yellow;
     if (levels) this.drawHeat({ levels, colour });
@@ -296,7 +297,6 @@ export class Board {
       pen.fillRect(cell[1] * size, cell[0] * size, size, size);
       pen.globalAlpha = 1;
       this.frame(cell, paint, 0.12);
-      if (text) this.writeOver(text, (cell[1] + 0.5) * size, (cell[0] + 0.5) * size);
     }
     if (path) {
       for (const [stroke, width] of [[this.colour["half-blue"], 0.26], [paint, 0.15]]) {
@@ -343,6 +343,7 @@ export class Board {
     pen.lineWidth = size * 0.16;
     pen.lineJoin = "round";
     pen.strokeText(text, x, y);
+    pen.lineJoin = "miter";
     pen.fillStyle = colour.ink;
     pen.fillText(text, x, y);
   }

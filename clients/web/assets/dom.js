@@ -42,11 +42,12 @@ export function route(name, values = {}) {
   return query.size ? `${path}?${query}` : path;
 }
 
-/** Ask the server, and return what it answers; {error} if it does not. */
-export async function ask(path) {
+/** Ask the server, and return what it answers, a Blob if that is no JSON; {error} if it does not answer. */
+export async function ask(path, options = {}) {
   try {
-    const answer = await fetch(path);
-    return answer.ok ? await answer.json() : { error: `the web server answers ${answer.status}` };
+    const answer = await fetch(path, options);
+    if (!answer.ok) return { error: `the web server answers ${answer.status}` };
+    return answer.headers.get("content-type")?.startsWith("application/json") ? await answer.json() : await answer.blob();
   } catch {
     return { error: "the web server does not answer; is arena web still running?" };
   }

@@ -1,6 +1,6 @@
-// The leaderboard: the report of the store, live. Ratings with their intervals, the cross table, and every replay.
-import { TEAMS } from "./board.js";
+// The leaderboards of the store, live: of leagues, ratings with their intervals, the cross table, and every replay; of ladders, the ratings.
 import { ask, fill, h, route, setText, signed } from "./dom.js";
+import { address, describe, formatScore } from "./head_to_head.js";
 
 const EVERY_MS = 5000;
 const WIDEST_PLOT = 760;
@@ -28,9 +28,9 @@ class LeaguePage {
     this.plot = h("div");
     this.cross = h("div", { class: "scroll" });
     this.fixture = h("div", { id: "fixture", tabindex: -1 });
-    this.body = h("div", { hidden: true }, h("h2", {}, "Ratings"), this.table, this.plot,
-      h("h2", {}, "Cross table"), h("p", { class: "hint" }, "What the row scored against the column, from 0 to 1. Choose a cell for its replays."), this.cross, this.fixture);
-    main.append(h("h1", {}, "Leaderboard"), h("div", { class: "controls" }, h("label", { for: "league" }, "League"), this.choice), this.state, this.body);
+    this.met = h("div", {}, h("h2", {}, "Cross table"), h("p", { class: "hint" }, "What the row scored against the column, from 0 to 1. Choose a cell for its replays."), this.cross, this.fixture);
+    this.body = h("div", { hidden: true }, h("h2", {}, "Ratings"), this.table, this.plot, this.met);
+    main.append(h("h1", {}, "Leaderboard"), h("div", { class: "controls" }, h("label", { for: "league" }, "League or ladder"), this.choice), this.state, this.body);
     this.order = { name: "rank", isDown: false };
     this.chosen = null;
   }
@@ -41,30 +41,44 @@ class LeaguePage {
     setInterval(() => document.hidden || this.refresh(), EVERY_MS);
   }
 
-  choose(name) {
-    this.query.set("name", name);
+  choose(option) {
+    const [kind, name] = JSON.parse(option);
+    for (const other of ["name", "ladder"]) this.query.delete(other);
+    this.query.set(kind, name);
     history.replaceState(null, "", `${location.pathname}?${this.query}`);
     this.chosen = null;
     this.refresh();
   }
 
   async refresh() {
-    const { leagues = [], error } = await ask(route("leagues"));
-    if (error || !leagues.length) {
+    const { leagues = [], ladders = [], error } = await ask(route("leagues"));
+    const all = [...leagues.map((name) => ["name", name]), ...ladders.map((name) => ["ladder", name])];
+    if (error || !all.length) {
       this.announce(error ?? "There is no league yet. Make one with: arena tournament init friday.toml", Boolean(error));
       return;
     }
-    const name = leagues.includes(this.query.get("name")) ? this.query.get("name") : leagues[0];
-    fill(this.choice, leagues.map((one) => h("option", { value: one }, one)));
-    this.choice.value = name;
-    const report = await ask(route("league", { name }));
+    const [kind, name] = all.find(([one, other]) => this.query.get(one) === other) ?? all[0];
+    const option = ([one, other]) => h("option", { value: JSON.stringify([one, other]) }, other);
+    const group = (label, kind) => { const those = all.filter(([one]) => one === kind); return those.length ? h("optgroup", { label }, those.map(option)) : null; };
+    fill(this.choice, group("Leagues", "name"), group("Ladders", "ladder"));
+    this.choice.value = JSON.stringify([kind, name]);
+    const report = await ask(route(kind === "ladder" ? "ladder" : "league", { name }));
     if (report.error) {
       this.announce(report.error, true);
       return;
     }
     this.report = report;
+    this.isLadder = kind === "ladder";
     this.body.hidden = false;
-    this.draw();
+    this.met.hidden = this.isLadder;
+    if (this.isLadder) this.drawLadder();
+    else this.draw();
+  }
+
+  drawLadder() {
+    this.announce(`The ladder of the pit \u201c${this.report.ladder}\u201d; this page follows.`);
+    fill(this.table, this.leaderboard());
+    fill(this.plot, null);
   }
 
   draw() {
@@ -103,7 +117,7 @@ class LeaguePage {
 
   drawPlot() {
     const width = Math.min(this.plot.clientWidth, WIDEST_PLOT);
-    if (width) fill(this.plot, this.ratingPlot(width));
+    if (width && !this.isLadder) fill(this.plot, this.ratingPlot(width));
   }
 
   /** Each rating with its interval, as wide as there is room: letters stay as large as they are. */
@@ -146,24 +160,24 @@ class LeaguePage {
       })))));
   }
 
-  chooseFixture(name, other) {
+  async chooseFixture(name, other) {
     this.chosen = [name, other];
-    this.showFixture();
+    await this.showFixture();
     this.fixture.focus();
     this.fixture.scrollIntoView({ block: "nearest" });
   }
 
-  showFixture() {
+  async showFixture() {
     if (!this.chosen) {
       fill(this.fixture, null);
       return;
     }
-    const [name, other] = this.chosen;
-    const matches = this.report.results.filter((one) => this.chosen.includes(one.blue) && this.chosen.includes(one.red));
-    fill(this.fixture, h("h2", {}, `${name} against ${other}`), h("ol", { class: "results" }, matches.map((one, index) => h("li", {},
-      h("span", { class: TEAMS[0] }, one.blue), " against ", h("span", { class: TEAMS[1] }, one.red),
-      `: ${one.headline} after ${one.ticks} ticks `,
-      h("a", { href: `/match/replay?${new URLSearchParams({ league: this.report.league.name, identity: one.identity })}`, "aria-label": `Replay of match ${index + 1}, ${one.blue} against ${one.red}` }, "Replay")))));
+    const [a, b] = this.chosen;
+    const league = this.report.league.name;
+    const data = await ask(route("head_to_head", { league, a, b }));
+    if (this.chosen?.[0] !== a || this.chosen[1] !== b) return;
+    fill(this.fixture, h("h2", {}, h("a", { href: address(league, a, b) }, `${a} against ${b}`)),
+      ...(data.error ? [h("p", {}, data.error)] : [h("p", {}, formatScore(data)), ...describe(data)]));
   }
 
   announce(sentence, isBad = false) {

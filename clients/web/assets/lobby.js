@@ -1,26 +1,32 @@
-// The lobby: what everyone may know of the pit, and how to join it.
-import { ask, fill, h, route, setText, spectatorKey, formatEnding } from "./dom.js";
+// The lobby: what everyone may know of the pit, the last match, and how to join.
+import { ask, fill, h, route, setText, spectatorKey } from "./dom.js";
+import { LastMatch } from "./last_match.js";
+import { number, resultTable, table } from "./results.js";
 
 const EVERY_MS = 1000;
 
 export function show(main) {
   document.title = "Lobby - Arena";
   const state = h("p", { class: "state", role: "status" }, "Looking for the pit...");
-  const facts = h("dl", { class: "facts" });
+  const rules = h("p");
   const running = h("div");
   const waiting = h("p");
-  const results = h("div");
+  const over = h("div");
   const standings = h("div");
   const command = h("code", {}, "");
+  const last = new LastMatch();
   main.append(
     h("h1", {}, "Lobby"),
     state,
     h("div", { class: "columns" },
-      h("div", {}, h("h2", {}, "Running matches"), running, h("h2", {}, "Open seats"), waiting),
-      h("div", {}, h("h2", {}, "Join with a bot"), h("div", { class: "command" }, command, copier(command)),
-        h("p", { class: "hint" }, "A bot is a fighter's name, or a file such as mybot.py. Or ", h("a", { href: "/play" }, "play yourself"), ".")),
-      h("div", {}, h("h2", {}, "Latest results"), results, standings),
-      h("div", {}, h("h2", {}, "Rules"), facts)),
+      h("div", {},
+        h("h2", {}, "Join with a bot"), h("div", { class: "command" }, command, copier(command)),
+        h("p", { class: "hint" }, "A bot is a fighter's name, or a file such as mybot.py. Or ", h("a", { href: "/play" }, "play yourself"), "."),
+        rules,
+        h("h2", {}, "Open seats"), waiting,
+        h("h2", {}, "Running matches"), running,
+        h("h2", {}, "Latest results"), over, standings),
+      last.section),
     keyForm(),
   );
 
@@ -33,9 +39,10 @@ export function show(main) {
     setText(command, `arena join ${answer.address} --team any --policy mybot.py`);
     fill(running, lobby?.running.length ? runningTable(lobby.running) : h("p", {}, lobby ? "None." : "Not known."));
     setText(waiting, lobby ? formatSeats(lobby) : "Not known.");
-    fill(results, answer.results.length ? resultList(answer.results) : h("p", {}, "No match has ended since this page's server was started."));
+    fill(over, answer.results.length ? results(answer.results) : h("p", {}, "No match has ended since this page's server was started."));
     fill(standings, lobby?.standings?.length ? ladder(lobby.standings) : null);
-    fill(facts, lobby ? formatRules(lobby) : null);
+    fill(rules, ...(lobby ? formatRules(lobby) : []));
+    last.refresh(answer.results);
   }
   refresh();
   setInterval(() => document.hidden || refresh(), EVERY_MS);
@@ -48,40 +55,26 @@ function formatSeats(lobby) {
 }
 
 function runningTable(matches) {
-  return h("table", { "aria-label": "Running matches" },
-    h("thead", {}, h("tr", {}, ...["Blue", "Red", "Tick", ""].map((name) => h("th", { scope: "col" }, name)))),
-    h("tbody", {}, matches.map((one) => h("tr", {},
-      h("td", { class: "blue" }, one.blue), h("td", { class: "red" }, one.red), h("td", { class: "number" }, `${one.tick}`),
-      h("td", {}, h("a", { href: `/match/${encodeURIComponent(one.match)}`, "aria-label": `Watch ${one.blue} against ${one.red}` }, "Watch"))))));
+  return table("Running matches", ["Blue", "Red", "Tick", ""], matches.map((one) => [
+    h("td", { class: "blue" }, one.blue), h("td", { class: "red" }, one.red), number(one.tick),
+    h("td", {}, h("a", { href: `/match/${encodeURIComponent(one.match)}`, "aria-label": `Watch ${one.blue} against ${one.red}` }, "Watch"))]));
 }
 
-function resultList(results) {
-  return h("ol", { class: "results" }, results.map((one) => h("li", {},
-    h("a", { href: `/match/${encodeURIComponent(one.match)}` },
-      one.names ? [h("b", { class: "blue" }, one.names[0]), " against ", h("b", { class: "red" }, one.names[1])] : "Replay"),
-    `: ${formatEnding(one)}`)));
+function results(matches) {
+  return resultTable("Latest results", matches.map((one) => {
+    const [blue, red] = one.names ?? ["?", "?"];
+    return { ...one, blue, red, href: `/match/${encodeURIComponent(one.match)}` };
+  }));
 }
 
 function ladder(rows) {
-  return h("section", {}, h("h2", {}, "Ladder"), h("div", { class: "scroll", role: "region", "aria-label": "Ladder", tabindex: 0 }, h("table", { "aria-label": "Ladder" },
-    h("thead", {}, h("tr", {}, ...["Entry", "Rating", "Wins", "Draws", "Losses"].map((name) => h("th", { scope: "col" }, name)))),
-    h("tbody", {}, rows.map((row) => h("tr", {}, h("th", { scope: "row" }, row.name),
-      ...[Number(row.rating).toFixed(1).replace("-", "\u2212"), row.wins, row.draws, row.losses].map((value) => h("td", { class: "number" }, `${value}`))))))));
+  return h("section", {}, h("h2", {}, "Ladder"), table("Ladder", ["Entry", "Rating", "Wins", "Draws", "Losses"], rows.map((row) => [h("th", { scope: "row" }, row.name),
+    ...[Number(row.rating).toFixed(1).replace("-", "\u2212"), row.wins, row.draws, row.losses].map(number)])));
 }
 
-function formatRules(lobby) {
-  const { ruleset } = lobby;
-  const units = Object.entries(ruleset.units ?? {});
-  const rows = [
-    ["Ruleset", lobby.rules],
-    ["Board", `${ruleset.side} x ${ruleset.side}`],
-    ["Ticks", `${ruleset.tick_limit}`],
-    ["Fog", ruleset.fog ? "yes" : "no"],
-    ["Combat", ruleset.random_combat ? "random" : "certain"],
-    ...units.map(([name, unit]) => [name.toUpperCase(),
-      `${unit.blue} blue, ${unit.red} red: step ${unit.step}, sight ${unit.sight}${unit.flies ? ", flies" : `, attack ${unit.attack}`}`]),
-  ];
-  return rows.flatMap(([name, value]) => [h("dt", {}, name), h("dd", {}, value)]);
+function formatRules({ rules, ruleset }) {
+  const units = Object.entries(ruleset.units ?? {}).map(([name, { blue, red }]) => `${blue === red ? blue : `${blue} and ${red}`} ${name.toUpperCase()}s`);
+  return [h("a", { href: "/rules" }, "The rules"), ` are those of ${rules}: ${ruleset.side} x ${ruleset.side} cells, ${ruleset.tick_limit} ticks, each team with ${units.join(" and ")}${ruleset.fog ? ", in the fog" : ""}.`];
 }
 
 function copier(source) {

@@ -1,9 +1,9 @@
 // A match: Figure 2 of the paper, live or replayed. A team's fogged board stands beside the truth.
-import { keepPlace, readPlace } from "./address.js";
-import { TEAMS } from "./board.js";
-import { ask, connect, fill, h, route, setText, signed, spectatorKey, formatEnding } from "./dom.js";
-import { Player } from "./player.js";
+import { ask, connect, formatEnding, h, route, spectatorKey } from "./dom.js";
+import { Downloads, embedding } from "./downloads.js";
+import { MatchView } from "./replay.js";
 
+const FORMS = ["journal", "html", "gif"];
 const AGAIN_MS = 1000;
 const MOST_TRIES = 12;
 
@@ -12,24 +12,20 @@ export function show(main, match) {
   new MatchPage(main, match, query.get("league"), query.get("identity")).begin();
 }
 
-class MatchPage {
+class MatchPage extends MatchView {
   constructor(main, match, league, identity) {
+    super(main);
     this.match = match;
-    this.source = league
-      ? route("league_replay", { league, identity: identity ?? "" })
-      : route("replay", { match });
+    this.query = league ? { league, identity: identity ?? "" } : {};
+    this.source = league ? route("league_replay", this.query) : route("replay", { match });
     this.isOfLeague = league !== null;
     this.back = league ? ["/league", "leaderboard"] : ["/", "lobby"];
-    this.title = h("h1", {}, "Match");
-    this.state = h("p", { class: "state", role: "status" }, "Looking for the match...");
-    this.facts = h("div", { class: "score", role: "status" });
-    this.stage = h("div");
-    main.append(this.title, this.state, this.facts, this.stage);
-    this.names = ["?", "?"];
+    this.announce("Looking for the match...");
     this.ending = null;
   }
 
   begin() {
+    this.early = ask(this.source); // most matches are over, and then nobody waits until that is known
     if (this.isOfLeague) this.replay(1);
     else this.listen();
   }
@@ -45,6 +41,7 @@ class MatchPage {
 
   hear(message) {
     const { kind } = message;
+    if (kind !== "absent") this.early = null;
     if (kind === "absent") {
       this.isGone = true;
       this.replay(this.player || this.ending ? MOST_TRIES : 1);
@@ -59,9 +56,9 @@ class MatchPage {
       this.announce(`The pit is away: ${message.sentence}. Looking for it...`, true);
     } else if (kind === "public") {
       this.names = message.names ?? this.names;
-      this.showFacts(message);
+      this.showFacts(message, this.rules);
     } else if (kind === "frame") {
-      this.player ??= this.makePlayer({ rules: this.rules, ticks: [], names: this.names, ending: null });
+      if (!this.player) this.makePlayer({ rules: this.rules, ticks: [], names: this.names, ending: null });
       this.player.add(message);
       this.announce("The match runs, and this page sees it with the spectator key.");
     } else if (kind === "ended") {
@@ -72,7 +69,8 @@ class MatchPage {
   }
 
   async replay(tries) {
-    const answer = await ask(this.source);
+    const answer = await (this.early ?? ask(this.source));
+    this.early = null;
     if (!answer.error) {
       this.showReplay(answer);
     } else if (tries > 1) {
@@ -87,49 +85,13 @@ class MatchPage {
   }
 
   showReplay(data) {
-    this.names = data.names;
-    this.player?.stop();
-    this.stage.replaceChildren();
-    if (data.broken) {
-      const where = data.broken.tick ? `at tick ${data.broken.tick}` : "at its start";
-      this.stage.append(h("p", { class: "banner bad", role: "alert" },
-        `This replay does not verify: it breaks ${where}. ${data.broken.sentence}`));
-    }
-    this.announce(`Over: ${formatEnding(data.ending)}.${data.broken ? "" : " Every tick was played again and holds."}`, Boolean(data.broken));
-    if (!data.ticks.length) return;
-    this.player = this.makePlayer(data);
-    this.player.isWhole = true;
-    this.player.go(readPlace().tick);
-  }
-
-  makePlayer(data) {
-    this.showTitle();
-    const player = new Player(this.stage, data, {
-      view: readPlace().view,
-      onTick: (tick) => this.showFacts(tick),
-      onMove: () => keepPlace(player.data.ticks[player.at].tick, player.chosen),
-    });
-    return player;
-  }
-
-  showTitle() {
-    document.title = `${this.names[0]} against ${this.names[1]} - Arena`;
-    fill(this.title, h("span", { class: "blue" }, this.names[0]), " against ", h("span", { class: "red" }, this.names[1]));
-  }
-
-  showFacts({ tick, living, score }) {
-    this.showTitle();
-    const limit = (this.player?.data.rules ?? this.rules)?.tick_limit;
-    this.facts.setAttribute("aria-live", this.player?.isPlaying ? "off" : "polite"); // sixty ticks a second are not read out
-    fill(this.facts,
-      h("span", {}, `tick ${tick}${limit ? ` of ${limit}` : ""}`),
-      score === null ? null : h("span", {}, `score ${signed(score)} for blue`),
-      ...(living ?? []).map((n, team) => h("span", { class: TEAMS[team] }, `${TEAMS[team]} ${n} units`)));
+    super.showReplay(data);
+    if (this.player) this.stage.append(new Downloads(this.player, (form, query) => ask(route("download", { match: this.match, form, ...this.query, ...query })), FORMS).element);
+    if (this.player && !this.isOfLeague) this.stage.append(embedding(this.match));
   }
 
   announce(sentence, isBad = false) {
     if (this.isKeyWrong && sentence.startsWith("The match runs")) return;
-    setText(this.state, sentence);
-    this.state.classList.toggle("bad", isBad);
+    super.announce(sentence, isBad);
   }
 }

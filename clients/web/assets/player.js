@@ -36,7 +36,7 @@ export class Player {
     this.isWhole = false; // a replay, to which nothing is added
     this.hovered = null;
     this.followed = null;
-    this.isOfBot = data.ticks.some((tick) => tick.annotations);
+    this.isOfBot = data.ticks.some(({ annotations }) => annotations?.log.length || annotations?.draw.length);
     this.layers = { orders: true, trails: false, sight: false, heat: "", drawings: true, log: true };
     this.views = data.team === undefined ? [TEAMS[0], TRUTH, TEAMS[1]] : [TEAMS[data.team]];
     this.chosen = [...this.views, ALL].includes(view) ? view : "";
@@ -66,7 +66,7 @@ export class Player {
     this.log = h("ol", { class: "log", "aria-label": "The bot's log" });
     this.keys = new KeysDialog([...KEYS, ...(this.isOfBot ? BOT_KEYS : [])]);
     this.figures = this.boards.map((board, index) => h("figure", {}, h("figcaption", {}, this.captionOf(this.views[index])), board.canvas));
-    this.boardRow = h("div", { class: "boards" }, this.figures, this.isOfBot ? this.log : null);
+    this.boardRow = h("div", { class: "boards" }, this.figures);
     stage.append(
       this.viewButtons.length ? h("div", { class: "controls views", role: "group", "aria-label": "View" }, this.viewButtons) : "",
       this.boardRow,
@@ -104,6 +104,8 @@ export class Player {
     const { view } = this;
     this.figures.forEach((figure, index) => { figure.hidden = view !== ALL && this.views[index] !== view; });
     this.boardRow.classList.toggle("one", view !== ALL);
+    if (this.isOfBot && WIDE.matches) this.boardRow.append(this.log);
+    else if (this.isOfBot) this.events.after(this.log); // so that board and timeline are seen at once
     this.viewButtons.forEach((button) => button.setAttribute("aria-pressed", `${button.classList.contains(view)}`));
     this.draw();
   }

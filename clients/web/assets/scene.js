@@ -36,7 +36,7 @@ export function sceneOf(data, at, view, layers, pointed) {
     names: new Map(layers.orders ? units.map((unit) => [`${unit.cell[0] * side + unit.cell[1]} ${CODES[unit.team][kindOf(unit).flies ? 1 : 0]}`, `${unit.index}`]) : []),
     arrows: layers.orders && tick.orders ? units.map(({ team, index, cell }) => ({ cell, team: TEAMS[team], action: Number(tick.orders[team][index]) })) : [],
     marks: eventsOf(rules, tick).marks.filter(isShown),
-    drawings: layers.drawings ? (tick.annotations?.draw ?? []).map(decode) : [],
+    drawings: layers.drawings && own === (data.noted ?? data.team) ? (tick.annotations?.draw ?? []).map(decode) : [],
   };
 }
 

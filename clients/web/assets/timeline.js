@@ -2,7 +2,7 @@
 import { h } from "./dom.js";
 import { milestonesOf } from "./events.js";
 
-const SIGNS = { fight: "", fall: "\u00d7", capture: "\u2691" };
+const MARK_SIGNS = { fight: "", fall: "\u00d7", capture: "\u2691" };
 
 export class Timeline {
   /** `choose` hears the tick that a person picks. */
@@ -21,7 +21,7 @@ export class Timeline {
     this.slider.max = last;
     this.milestones = milestonesOf(data);
     this.marks.replaceChildren(...this.milestones.map(({ at, kind, title }) => {
-      const mark = h("span", { class: `mark ${kind}`, title, onclick: () => this.choose(at) }, SIGNS[kind]);
+      const mark = h("span", { class: `mark ${kind}`, title, onclick: () => this.choose(at) }, MARK_SIGNS[kind]);
       mark.style.left = `calc(0.5rem + (100% - 1rem) * ${last ? at / last : 0})`;
       return mark;
     }));

@@ -198,8 +198,11 @@ def test_every_code_and_every_mark_looks_different() -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ([], "say either --gif, for every tick, or --png, for one"),
-        (["--gif", "--png"], "say either --gif, for every tick, or --png, for one"),
+        ([], "say one of --gif, for every tick, --png, for one, and --html, for a page"),
+        (["--gif", "--png"], "say one of --gif, for every tick, --png, for one, and --html, for a page"),
+        (["--out", "match.txt"], "say one of --gif, for every tick, --png, for one, and --html, for a page"),
+        (["--html", "--tick", "3"], "--tick is for --png; --html shows every tick"),
+        (["--html", "--team", "red"], "--team is for pictures; --html shows both views"),
         (["--gif", "--tick", "3"], "--tick is for --png; --gif shows every tick"),
         (["--png", "--tick", "101"], "--tick is 101; the match has ticks 0 to "),
         (["--png", "--tick", "-1"], "--tick is -1; the match has ticks 0 to "),

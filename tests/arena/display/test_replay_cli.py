@@ -212,7 +212,7 @@ def on_terminal(columns: int, *arguments: object) -> tuple[int, str]:
     """Run the command line on a terminal; return its exit code and all that it wrote there."""
     terminal, end = pty.openpty()
     environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": str(columns), "LINES": "40"}
-    process = subprocess.Popen([*ARENA, *map(str, arguments)], stdin=end, stdout=end, stderr=end, env=environment)
+    process = subprocess.Popen([*ARENA, *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=end, stderr=end, env=environment)
     os.close(end)
     pieces = []
     with suppress(OSError):  # what Linux says when the last writer has gone
@@ -223,7 +223,7 @@ def on_terminal(columns: int, *arguments: object) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize(("columns", "is_wide"), [(100, True), (80, False)])
-def test_show_plays_on_a_terminal_of_any_width(file: Path, journal: Journal, columns: int, is_wide: bool) -> None:
+def test_show_is_a_film_on_a_terminal_without_keys(file: Path, journal: Journal, columns: int, is_wide: bool) -> None:
     """Each tick takes the place of the one before, in colours."""
     exit_code, text = on_terminal(columns, "replay", "show", file, "--speed", 1000)
 

@@ -1,18 +1,24 @@
 """A journal as frames: what a page is told is what the match, played again, was."""
 
+import json
+from base64 import b64decode
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from arena.display.replay_frames import describe_match
+from arena.annotations import Annotations
+from arena.display import replay_frames
+from arena.display.replay_frames import describe_match, describe_recording
 from arena.errors import JournalError
 from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load
 from arena.game.types import Team
 from arena.local.venue import play
+from arena.protocol.observation_codec import ObservationWriter
 from arena.records.journal import load_journal
 from arena.records.replay import replay
+from arena.records.transcript import TranscriptHeader, TranscriptWriter
 from policies.registry import load as load_policy
 from tournaments.fixture import plan_fixture
 
@@ -67,3 +73,73 @@ def test_a_match_that_is_not_over_is_not_told(file: Path) -> None:
 
     with pytest.raises(JournalError, match="the match is not over"):
         describe_match(data[: data.index(last) + len(last)])
+
+
+def transcribe(file: Path, out: Path, team: Team) -> bytes:
+    """Return the transcript of a seat in the match of a journal; its bot notes something on every tick."""
+    journal = load_journal(file)
+    header = TranscriptHeader(
+        match="m", pit="pit", pit_key=bytes(32), entry_key=bytes(32), name="ann", opponent="bob", team=team,
+        ruleset=journal.header.ruleset, commitment=bytes(32),
+    )  # fmt: skip
+    own = slice(0, 6) if team is Team.BLUE else slice(6, 12)
+    writer = TranscriptWriter(out, header)
+    for number, games in enumerate(replay(journal)):
+        if not games.has_ended(0):
+            notes = Annotations(20)
+            notes.log("tick", number)
+            notes.draw.cell(1, 2, "red", "A")
+            notes.draw.heat(np.arange(400).reshape(20, 20))
+            observation = ObservationWriter(games.observe()[team], 0).write()
+            writer.add(observation, journal.ticks[number].orders[own], 1_000, notes.pack())
+    assert journal.ending is not None
+    writer.end(journal.ending.seen_by(team))
+    return out.read_bytes()
+
+
+@pytest.mark.parametrize("team", Team)
+def test_a_transcript_tells_what_its_seat_saw_and_what_its_bot_noted_and_nothing_of_the_enemy(
+    file: Path, tmp_path: Path, team: Team
+) -> None:
+    match = describe_recording(file.read_bytes())
+    told = json.loads(json.dumps(describe_recording(transcribe(file, tmp_path / "a.transcript", team))))
+
+    assert told["ending"] == match["ending"]
+    assert told["names"] == (["ann", "bob"] if team is Team.BLUE else ["bob", "ann"])
+    assert told["team"] == team
+    assert len(told["ticks"]) == len(match["ticks"]) - 1
+    for seen, true in zip(told["ticks"], match["ticks"], strict=False):
+        for name in ("tick", "score", "living"):
+            assert seen[name] == true[name]
+        for name in ("seen", "units", "orders"):
+            assert seen[name][team] == true[name][team]
+            assert not seen[name][team.other]
+        assert seen["events"]["fell"] == [unit for unit in true["events"]["fell"] if unit[0] == team]
+        assert seen["truth"] is None
+        assert all(now in (then, "?") for now, then in zip(seen["seen"][team], seen["known"], strict=True))
+        assert seen["annotations"]["log"] == [f"tick {seen['tick']}"]
+        cell, heat = seen["annotations"]["draw"]
+        assert cell == {"cell": [1, 2], "colour": "red", "text": "A"}
+        assert b64decode(heat["heat"])[-1] == 255
+
+
+def test_what_is_too_long_for_a_page_is_said_so(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(replay_frames, "MOST_TICKS", 3)
+
+    for data in (file.read_bytes(), transcribe(file, tmp_path / "a.transcript", Team.RED)):
+        with pytest.raises(JournalError, match="a page shows 3 at most"):
+            describe_recording(data)
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        (b"", "neither a journal nor a transcript"),
+        (b"\x89PNG\r\n" + bytes(100), "neither a journal nor a transcript"),
+        (b"ARENA-JOURNAL-9\n" + bytes(9), "the journal is of format 9"),
+        (b"ARENA-TRANSCRIPT-9\n" + bytes(9), "the transcript is of format 9"),
+    ],
+)
+def test_what_cannot_be_read_is_said_in_one_sentence(data: bytes, sentence: str) -> None:
+    with pytest.raises(JournalError, match=sentence):
+        describe_recording(data)

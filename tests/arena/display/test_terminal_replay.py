@@ -2,10 +2,11 @@
 
 import re
 import subprocess
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,9 @@ import pytest
 from rich.console import Console
 from worlds import lay, rules_for
 
-from arena.display.text import GroundMemory, format_last_tick
+from arena.annotations import Annotations
+from arena.display.scene import scenes_of_transcript
+from arena.display.text import draw_board, format_last_tick
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult
@@ -36,7 +39,14 @@ RACE = rules_for(BOARD, ugv={"attack": 0, "sight": 1}, uav={"sight": 1, "step": 
 AMBUSH = rules_for(BOARD, ugv={"attack": 2, "sight": 3}, uav={"sight": 0, "step": 1}, random_combat=False)
 
 
-def keep(path: Path, rules: Ruleset, team: Team, orders: Iterable[Sequence[int]], **changes: Any) -> Path:
+def keep(
+    path: Path,
+    rules: Ruleset,
+    team: Team,
+    orders: Iterable[Sequence[int]],
+    annotations: Mapping[int, bytes] = MappingProxyType({}),
+    **changes: Any,
+) -> Path:
     """Play a match with these orders (blue's U and A, red's u), and keep what one team was shown."""
     games = lay(rules)
     header = TranscriptHeader(
@@ -46,9 +56,9 @@ def keep(path: Path, rules: Ruleset, team: Team, orders: Iterable[Sequence[int]]
     own = slice(2, 3) if team is Team.RED else slice(0, 2)
     with TranscriptWriter(path, replace(header, **changes)) as transcript:
         writer = ObservationWriter(games.observe()[team], 0)
-        for told in orders:
+        for tick, told in enumerate(orders):
             actions = np.array([told], np.int8)
-            transcript.add(writer.write(), actions[0, own].tobytes())
+            transcript.add(writer.write(), actions[0, own].tobytes(), annotations=annotations.get(tick, b""))
             games.play(actions)
         if games.has_ended(0):
             result = match_result(games, 0)
@@ -165,6 +175,20 @@ def test_a_unit_that_fell_in_the_middle_has_a_line_of_its_own(arena: Run, tmp_pa
     assert lines[0] == r"pit p, match m: a\x1b[2J plays blue against b"
 
 
+def test_what_the_bot_noted_stands_under_its_tick(arena: Run, tmp_path: Path) -> None:
+    notes = Annotations(RACE.side)
+    notes.log("raw", "\x1b[2J")
+    notes.draw.cell(1, 2, "red", "GO")
+    notes.draw.path([(0, 0), (0, 1)])
+    notes.draw.heat(np.eye(6)[::-1])
+    path = keep(tmp_path / "noted.transcript", RACE, Team.BLUE, [(STAY, STAY, STAY)] * 2, annotations={1: notes.pack()})
+
+    first, second = (arena("replay", "show", path, "--tick", tick).stdout.splitlines() for tick in (0, 1))
+
+    assert second[-8:] == [r"log: raw \x1b[2J", "drawn:", "..---9", "--G-9-", "---9--", "--9---", "-9----", "9-----"]
+    assert len(first) == len(second) - 8
+
+
 def test_a_transcript_without_an_ending_says_so(arena: Run, race: Path, tmp_path: Path) -> None:
     stopped = keep(tmp_path / "stopped.transcript", RACE, Team.BLUE, [(STAY, STAY, STAY)] * 2)
     cut = tmp_path / "cut.transcript"
@@ -207,11 +231,12 @@ def test_a_changed_transcript_is_one_sentence(arena: Run, race: Path) -> None:
 
 def test_what_is_remembered_is_dimmed(race: Path) -> None:
     transcript = load_transcript(race)
-    memory, console = GroundMemory(RACE.side), Console(width=80, force_terminal=True, color_system="truecolor")
+    console = Console(width=80, force_terminal=True, color_system="truecolor")
     pieces = []
-    for seen in transcript.observations():
+    for scene in scenes_of_transcript(transcript):
+        pane = scene.panes["and remembers"]
         with console.capture() as capture:
-            console.print(memory.draw_pair("", seen, 80))
+            console.print(draw_board(pane.grid, is_wide=False, dimmed=pane.dimmed))
         pieces.append(re.findall(r"\x1b\[2;[^m]*m([^\x1b]*)", capture.get()))
 
     n_remembered = [sum(piece.count("·") + piece.count("F") for piece in dimmed) for dimmed in pieces]

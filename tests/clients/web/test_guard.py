@@ -13,7 +13,7 @@ from clients.web.routes import ASSETS
 MOST_FIRST_LOAD_BYTES = 150_000
 
 
-def ask(kind: str, **headers: str) -> tuple[bool, list[MutableMapping[str, Any]]]:
+def ask(kind: str, method: str = "GET", path: str = "/", **headers: str) -> tuple[bool, list[MutableMapping[str, Any]]]:
     """Return whether the guarded server was reached, and what was sent."""
     sent: list[MutableMapping[str, Any]] = []
     reached = []
@@ -29,7 +29,12 @@ def ask(kind: str, **headers: str) -> tuple[bool, list[MutableMapping[str, Any]]
     async def send(message: MutableMapping[str, Any]) -> None:
         sent.append(message)
 
-    scope = {"type": kind, "headers": [(name.encode(), value.encode()) for name, value in headers.items()]}
+    scope = {
+        "type": kind,
+        "method": method,
+        "path": path,
+        "headers": [(name.encode(), value.encode()) for name, value in headers.items()],
+    }
     asyncio.run(Guard(app, LOOPBACK)(scope, receive, send))
     return bool(reached), sent
 
@@ -44,6 +49,26 @@ def test_the_server_answers_by_its_own_names_under_a_strict_policy(host: str) ->
     assert {name: headers[name.encode()].decode() for name in HEADERS} == HEADERS
     assert headers[b"content-security-policy"].startswith(b"default-src 'none'; script-src 'self';")
     assert b"unsafe" not in headers[b"content-security-policy"]
+
+
+def test_pages_of_others_may_show_an_embedded_match_and_nothing_else() -> None:
+    policies = {
+        path: dict(ask("http", path=path, host="localhost")[1][0]["headers"])[b"content-security-policy"].decode()
+        for path in ("/", "/match/1", "/embed/match/1", "/embedded", "/api/open/frames")
+    }
+
+    assert {path for path, policy in policies.items() if "frame-ancestors 'none'" not in policy} == {"/embed/match/1"}
+    assert policies["/embed/match/1"].replace("frame-ancestors *", "frame-ancestors 'none'") == policies["/"]
+
+
+@pytest.mark.parametrize(
+    ("origin", "is_let_in"), [("http://localhost:8000", True), ("http://evil.example", False), ("null", False), ("", False)]
+)
+def test_only_a_page_of_this_server_may_send_something_along(origin: str, is_let_in: bool) -> None:
+    reached, sent = ask("http", method="POST", host="localhost:8000", origin=origin)
+
+    assert reached == is_let_in
+    assert sent[0]["status"] == (200 if is_let_in else 403)
 
 
 @pytest.mark.parametrize("host", ["evil.example:8000", "", "127.0.0.1.evil.example", "::1"])

@@ -1,19 +1,12 @@
 """The page of a replay, in the browser: what its boards show, its keys, its timeline and its address."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import pytest
 from chromium import browser, visit
-from serving import Archive, serving
 
-from arena.game.keys import secret_from_seed
-from arena.game.ruleset import load
-from arena.local.venue import play_batch
-from arena.records.journal import Journal, read_journal
+from arena.records.journal import Journal
 from arena.records.replay import replay
-from policies import registry
-from tournaments.fixture import plan_fixture
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -21,33 +14,6 @@ if TYPE_CHECKING:
 __all__ = ["browser", "visit"]
 
 Visit = Callable[..., "Page"]
-MATCH = "0123456789abcdef"
-
-
-@pytest.fixture(scope="module")
-def data() -> bytes:
-    """Return the journal of a match of some ticks with fights and falls."""
-    plans = plan_fixture("friday", "patrol", "fighter", 4, secret_from_seed(3))
-    for record in play_batch(load("paper"), plans, registry.load("patrol"), registry.load("fighter")):
-        if record.journal is not None and record.result.ticks >= 20:
-            return record.journal
-    raise AssertionError("no match of some ticks")
-
-
-@pytest.fixture(scope="module")
-def journal(data: bytes) -> Journal:
-    return read_journal(data)
-
-
-@pytest.fixture(scope="module")
-def home(data: bytes) -> Iterator[str]:
-    with serving(Archive({MATCH: data})) as home:
-        yield home
-
-
-@pytest.fixture
-def replayed(home: str) -> str:
-    return f"{home}/match/{MATCH}"
 
 
 def test_the_address_keeps_the_tick_and_the_view_and_leads_back_there(replayed: str, journal: Journal, visit: Visit) -> None:
@@ -114,3 +80,17 @@ def test_a_question_mark_shows_the_keys_and_layers_are_switched_by_theirs(replay
     assert page.get_by_label("Tick", exact=True).input_value() == "0"
     page.keyboard.press("Escape")
     keys.wait_for(state="hidden")
+
+
+def test_on_a_telephone_one_board_and_its_timeline_are_seen_at_once(replayed: str, visit: Visit) -> None:
+    page = visit(replayed, width=390)
+    for name in ("blue", "truth", "red"):
+        page.get_by_role("button", name=name, exact=True).click()
+        board, timeline = page.get_by_role("img"), page.get_by_label("Tick", exact=True)
+        assert board.count() == 1
+        for box in (board.bounding_box(), timeline.bounding_box(), page.get_by_role("button", name="Play").bounding_box()):
+            assert box is not None
+            assert box["x"] >= 0
+            assert box["x"] + box["width"] <= 390
+            assert box["y"] + box["height"] <= 844
+    assert page.get_by_role("button", name="all").count() == 0

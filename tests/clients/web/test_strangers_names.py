@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from chromium import browser, visit
-from serving import serving
+from serving import EVIL, is_harmless, serving
 
 from arena.errors import ArenaError
 from arena.game.ruleset import load, to_dict
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 __all__ = ["browser", "visit"]
-
-EVIL = "<script>window.evil = 1</script><img src=x onerror='window.evil = 1'>"
 
 
 class EvilPit(PitClient):
@@ -59,8 +57,26 @@ class EvilLeagues:
                 "rows": [[{"text": EVIL, "key": None}]],
             },
             "cross": {EVIL: {EVIL: {"wins": 1, "draws": 0, "losses": 1, "score": 0.5}}},
-            "results": [{"identity": EVIL, "blue": EVIL, "red": EVIL, "headline": EVIL, "ticks": 1}],
+            "results": [{"identity": EVIL, "blue": EVIL, "red": EVIL}],
         }
+
+    def head_to_head(self, name: str, one: str, other: str) -> dict[str, Any]:
+        match = {"identity": EVIL, "blue": EVIL, "red": EVIL, "winner": EVIL, "ending": EVIL, "score": 0, "ticks": 1}
+        counts = {"wins": 1, "draws": 0, "losses": 1}
+        return {
+            "league": name,
+            "entries": [one, other],
+            "record": counts | {"score": 0.5, "low": 0.0, "high": 1.0, "pairs": 1},
+            "by_side": {"blue": counts},
+            "by_ending": {EVIL: counts},
+            "matches": [match | {"reason": EVIL, "tags": [{"name": EVIL, "meaning": EVIL}]}],
+        }
+
+    def ladders(self) -> list[str]:
+        return [EVIL]
+
+    def ladder(self, name: str) -> dict[str, Any]:
+        raise ArenaError(EVIL)
 
     def journal(self, name: str, identity: str) -> bytes:
         raise ArenaError(EVIL)
@@ -72,20 +88,19 @@ def home() -> Iterator[str]:
         yield home
 
 
-def is_harmless(page: "Page") -> bool:
-    return bool(page.evaluate("window.evil === undefined")) and page.locator("main script, main img:not([role])").count() == 0
-
-
 def test_markup_in_a_name_is_shown_as_it_is_written(home: str, visit: Callable[..., "Page"]) -> None:
     lobby, league = visit(f"{home}/"), visit(f"{home}/league")
 
-    lobby.locator("td.blue", has_text=EVIL).wait_for()
-    lobby.locator(".results li", has_text=EVIL).wait_for()
-    lobby.locator("dd", has_text=EVIL).first.wait_for()
+    lobby.locator("td.blue", has_text=EVIL).first.wait_for()
+    lobby.get_by_role("region", name="Latest results").locator("td", has_text=EVIL).first.wait_for()
+    lobby.locator("p", has_text=f"The rules are those of {EVIL}").wait_for()
+    lobby.get_by_role("link", name="The rules").click()
+    lobby.locator(".state", has_text=f"plays the ruleset {EVIL}").wait_for()
     league.locator("tbody th", has_text=EVIL).first.wait_for()
     league.locator(".cross button").click()
-    league.locator("#fixture li", has_text=EVIL).wait_for()
-    league.get_by_role("link", name="Replay").click()
+    league.locator("#fixture td.blue", has_text=EVIL).wait_for()
+    league.locator("#fixture .tag", has_text=EVIL).wait_for()
+    league.get_by_role("link", name="Replay of").click()
     league.locator(".state", has_text=f"This match cannot be shown: {EVIL}").wait_for()
     assert is_harmless(lobby)
     assert is_harmless(league)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -84,7 +85,8 @@ def test_json_says_everything_from_the_first_one_s_side(here: Run) -> None:
     )
     assert found["wins"] + found["draws"] + found["losses"] == sum(found["endings"].values()) == 10
     assert found["blue_wins"] + found["red_wins"] == found["wins"] + found["losses"]
-    assert found["faults"] == {name: {"raised": 0, "illegal": 0, "first_traceback": None} for name in ("rush", "patrol")}
+    no_faults = {"raised": 0, "illegal": 0, "first_traceback": None, "reasons": []}
+    assert found["faults"] == {"rush": no_faults, "patrol": no_faults}
     assert len(found["rules_hash"]) == 64
 
 
@@ -129,7 +131,7 @@ def test_a_bot_that_raises_is_counted_and_shown_once(here: Run, bot: Callable[..
     path = bot("def act(observation):\n    return observation.flag\n")
     done = here("play", path, "patrol", "--pairs", 3, "--seed", 1, "--workers", 1, "--journals", tmp_path / "journals")
 
-    [row] = [line.split() for line in done.stdout.splitlines() if line.strip().startswith("mybot")]
+    [row] = [line.split() for line in done.stdout.splitlines() if line.strip().startswith("mybot ")]
     assert done.returncode == 0
     assert int(row[-1].replace(",", "")) > 50
     assert "mybot first failed like this:\nTraceback" in done.stderr
@@ -252,7 +254,7 @@ def begin_slow_matches(bot: Callable[..., Path], workers: int) -> subprocess.Pop
     playing = subprocess.Popen(command, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert playing.stderr is not None
     for line in playing.stderr:
-        if line == "thinking\n":
+        if line.endswith("] thinking\n"):
             break
     return playing
 
@@ -260,14 +262,23 @@ def begin_slow_matches(bot: Callable[..., Path], workers: int) -> subprocess.Pop
 @pytest.mark.parametrize(  # where no worker is, both reach one process
     ("workers", "send"), [(1, os.killpg), (2, os.kill), (2, os.killpg)], ids=["one process", "to it alone", "as a terminal does"]
 )
-def test_an_interrupt_ends_it_without_a_word(bot: Callable[..., Path], workers: int, send: Callable[[int, int], None]) -> None:
+def test_an_interrupt_ends_it_and_says_where_each_bot_is(
+    bot: Callable[..., Path], workers: int, send: Callable[[int, int], None]
+) -> None:
     playing = begin_slow_matches(bot, workers)
 
     send(playing.pid, signal.SIGINT)
     out, err = playing.communicate(timeout=60)  # returns when no process holds the pipes: no worker is left
 
     assert (playing.returncode, out) == (130, "")
-    assert {line for line in err.splitlines() if not is_progress(line)} <= {"thinking"}
+    said = [line for line in err.splitlines() if not is_progress(line) and not line.endswith("] thinking")]
+    stopped, *where = [line for line in said if not line.startswith("    ")]
+    assert stopped == "stopped after 0 of 1,000 matches: mybot won 0, random won 0, 0 drawn"
+    place = re.compile(
+        r"mybot\.py is at tick \d+ of match play/mybot/random/\d{4}/(mybot|random)-blue/0 as (blue|red): line \d in act: .+"
+    )
+    assert len(where) >= 1
+    assert all(map(place.fullmatch, where)), err
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])

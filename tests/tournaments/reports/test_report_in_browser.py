@@ -10,24 +10,30 @@ from typing import TYPE_CHECKING, Literal
 from urllib.parse import unquote
 
 import pytest
-from chromium import PATIENCE_MS, WIDTHS, browser
+from chromium import PATIENCE_MS, WIDTHS, axe, browser
+from commands import run_here
 from outcomes import ended
 
 from arena.game.types import Team, Termination
 from arena.records.journal import journal_name
+from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.ratings.standings import Standing
 from tournaments.reports.page import MOST_LISTED, to_html
+from tournaments.reports.replays import find_visible
 from tournaments.reports.report import Report, make_report
 from tournaments.store.store import StoredLeague
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
 
-__all__ = ["browser"]
+__all__ = ["axe", "browser"]
 
 SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 EVIL = "</li><script>window.evil = 1</script><img src=x onerror='window.evil = 1'>"
+LEAGUE = (
+    'pairs = 1\nvenue = "local"\nseed = 3\n[rules]\nside = 10\ntick_limit = 20\n[entries]\nrush = "rush"\nrandom = "random"\n'
+)
 Show = Callable[..., "AbstractContextManager[Page]"]
 
 
@@ -193,6 +199,61 @@ def test_nothing_is_cut_off_and_the_page_never_scrolls_sideways(show: Show, repo
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
             page.evaluate("document.querySelectorAll('details').forEach(it => it.open = false)")
             style.evaluate("it => it.remove()")
+
+
+def test_at_1280_pixels_every_table_of_nine_entries_is_seen_whole_and_results_come_before_warnings(
+    show: Show, report: Report
+) -> None:
+    with show(report, width=1280) as page:
+        cut = page.evaluate(
+            "[...document.querySelectorAll('.wide')].filter(it => it.scrollWidth > it.clientWidth).map(it => it.ariaLabel)"
+        )
+        heads = page.locator("h1, h2").all_text_contents()
+
+        assert cut == []
+        assert page.title() == "League friday: report"
+        assert heads.index("League friday") < heads.index("Leaderboard") < heads.index("Warnings")
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_axe_finds_no_fault_in_a_report(show: Show, report: Report, axe: Callable[["Page", bool], str], width: int) -> None:
+    with show(report, width=width) as page:
+        for scheme in SCHEMES:
+            page.emulate_media(color_scheme=scheme)
+            assert axe(page, scheme == "dark") == "", scheme
+
+
+def test_a_match_of_a_small_league_is_played_again_in_the_report(browser: "Browser", tmp_path: Path) -> None:
+    (tmp_path / "friday.toml").write_text(LEAGUE)
+    run_here("tournament", "run", tmp_path / "friday.toml", "--data", tmp_path)
+    page = browser.new_page()
+    wrongs: list[str] = []
+    page.on("console", lambda message: wrongs.append(message.text))
+    page.on("pageerror", lambda error: wrongs.append(str(error)))
+    page.goto((tmp_path / "reports" / "friday.html").as_uri())
+
+    page.locator("summary").click()
+    page.get_by_role("link", name="blue rush, red random").click()
+    replay = page.frame_locator("iframe")
+    replay.get_by_text("Every tick was played again and holds.").wait_for()
+    assert replay.get_by_role("heading", level=1).text_content() == "rush against random"
+    journal = page.get_by_role("link", name="Journal", exact=True).get_attribute("href")
+    assert unquote(journal or "").endswith("/journals/friday/friday+random+rush+0000+rush-blue+0.journal")
+    page.get_by_role("button", name="Close").click()
+    assert page.locator("iframe").count() == 0
+    assert wrongs == []
+    page.close()
+
+
+def test_a_report_carries_no_replay_of_a_map_that_may_come_again() -> None:
+    def of(*played: tuple[int, str]) -> list[str]:
+        return [str(LeagueMatchId(league="l", one="a", other="b", pair=pair, blue=blue)) for pair, blue in played]
+
+    pair, half = of((0, "a"), (0, "b")), of((1, "a"))
+
+    assert find_visible(pair + half, 2, is_complete=False) == set()
+    assert find_visible(pair + half, 2, is_complete=True) == set(pair)
+    assert find_visible(pair, 1, is_complete=False) == set(pair)
 
 
 def test_the_longest_names_are_shortened(show: Show) -> None:

@@ -6,8 +6,15 @@ from shutil import copytree
 import pytest
 from commands import run_here
 
-from arena.errors import ArenaError
+from arena.display.replay_frames import describe_match
+from arena.errors import ArenaError, UnknownNameError
+from arena.game.types import Team, Termination
+from arena.pit.ladder import LadderMatch
+from arena.policy import MatchResult
 from arena.records.journal import read_journal
+from tournaments.ladder.ladder_store import LadderStore
+from tournaments.ladder.skill import LadderEntry, rate
+from tournaments.reports.tags import COMEBACK_SCORE
 from tournaments.reports.web_leagues import Leagues
 from tournaments.store.store import Store
 
@@ -107,16 +114,68 @@ def test_a_decided_test_shows_the_journals_of_its_whole_pairs(duel: Path) -> Non
         running_leagues.journal("better", outcomes[-2].identity)
 
 
-def test_no_journal_is_given_before_the_last_match_of_two_entries(data: Path) -> None:
+@pytest.fixture
+def half(data: Path) -> Path:
+    """Return a store of the league as it was before its last match."""
     with Store(str(data / "arena.db")) as store:
         league = store.get("friday")
         outcomes = store.outcomes(league)
-    other = data / "half.db"
-    with Store(str(other)) as store:
-        half = store.enter("friday", league.definition, league.n_pairs)
+    with Store(str(data / "half.db")) as store:
+        running = store.enter("friday", league.definition, league.n_pairs)
         for outcome in outcomes[:-1]:
-            store.add(half, outcome)
-    leagues = Leagues(data, str(other))
+            store.add(running, outcome)
+    return data / "half.db"
+
+
+def test_tags_of_how_a_match_went_come_from_its_journal_once_that_may_be_seen(data: Path, half: Path) -> None:
+    leagues = Leagues(data, "")
+    expected = []
+    for match in (matches := leagues.head_to_head("friday", "rush", "random")["matches"]):
+        told = describe_match(leagues.journal("friday", match["identity"]))
+        scores = [tick["score"] * (1 if match["winner"] == "blue" else -1) for tick in told["ticks"]]
+        is_comeback = match["winner"] is not None and min(scores) <= -COMEBACK_SCORE
+        is_peaceful = not any(tick["events"]["fought"] for tick in told["ticks"])
+        expected.append({*(["comeback"] if is_comeback else []), *(["no contact"] if is_peaceful else [])})
+
+    found = [{tag["name"] for tag in match["tags"]} for match in matches]
+    of_course = {"comeback", "no contact"}
+    assert [tags & of_course for tags in found] == expected
+    assert any(expected), "no match here has a tag: choose another seed"
+    early = Leagues(data, str(half)).head_to_head("friday", "rush", "random")["matches"]
+    assert len(early) == len(matches) - 1
+    assert not any({tag["name"] for tag in match["tags"]} & of_course for match in early)
+    with pytest.raises(UnknownNameError, match="did you mean 'rush'"):
+        leagues.head_to_head("friday", "rusch", "random")
+
+
+def test_ladders_are_listed_the_last_first_and_ranked(tmp_path: Path) -> None:
+    url = str(tmp_path / "arena.db")
+    assert Leagues(tmp_path, url).ladders() == []
+    with LadderStore(url) as store:
+        for number, ladder in enumerate(("old", "new")):
+            seats = {team: LadderEntry(key=f"{team:043}", name=team.name.lower()) for team in Team}
+            result = MatchResult(ending=Termination.CAPTURE, winner=Team.RED, score=-100, ticks=9)
+            match = LadderMatch(
+                identity=f"{ladder}/ladder/{number:06}/blue/red",
+                names={team: seats[team].name for team in Team},
+                entries=dict.fromkeys(Team, bytes(32)),
+                rules_hash="00",
+                result=result,
+            )
+            store.count_match(ladder, match, rate(seats, result))
+    leagues = Leagues(tmp_path, url)
+
+    assert leagues.ladders() == ["new", "old"]
+    board = leagues.ladder("old")["leaderboard"]
+    names = [column["name"] for column in board["columns"]]
+    rows = [dict(zip(names, (cell["text"] for cell in row), strict=True)) for row in board["rows"]]
+    assert [(row["rank"], row["entry"], row["wins"], row["losses"]) for row in rows] == [(1, "red", 1, 0), (2, "blue", 0, 1)]
+
+
+def test_no_journal_is_given_before_the_last_match_of_two_entries(data: Path, half: Path) -> None:
+    with Store(str(data / "arena.db")) as store:
+        outcomes = store.outcomes(store.get("friday"))
+    leagues = Leagues(data, str(half))
 
     with pytest.raises(ArenaError, match="until the last match of these two is over"):
         leagues.journal("friday", outcomes[0].identity)

@@ -1,0 +1,69 @@
+"""A match from its file, a journal or the transcript of a seat, as a person looks at it in a terminal."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from arena.display.scene import Scene, View, scenes_of_journal, scenes_of_transcript, views_of_journal, views_of_transcript
+from arena.display.text import format_last_tick, format_losses
+from arena.errors import InputError
+from arena.game.types import Team
+from arena.records.journal import load_journal
+from arena.records.transcript import Transcript, is_transcript, load_transcript
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecordedMatch:
+    """What there is to look at."""
+
+    scenes: Iterator[Scene]
+    """Every tick, once."""
+    last: int
+    """The number of the last; -1 if there is none."""
+    views: tuple[View, ...]
+    epilogue: tuple[str, ...]
+    """How it ended, in lines, not clean."""
+    is_of_one_seat: bool
+
+
+def open_match(file: Path, team: str | None) -> RecordedMatch:
+    """Read a file; `team` is whose view of a journal comes first, blue without it.
+
+    Raises
+    ------
+    JournalError
+        It cannot be read.
+    InputError
+        A team was chosen for a transcript.
+    """
+    if is_transcript(file):
+        if team is not None:
+            raise InputError("--team is for journals; a transcript is what one seat saw")
+        transcript = load_transcript(file)
+        return RecordedMatch(
+            scenes=scenes_of_transcript(transcript),
+            last=len(transcript.ticks) - 1,
+            views=views_of_transcript(transcript.header.team),
+            epilogue=tuple(_tell_the_end(transcript)),
+            is_of_one_seat=True,
+        )
+    journal = load_journal(file)
+    return RecordedMatch(
+        scenes=scenes_of_journal(journal),
+        last=len(journal.ticks),
+        views=views_of_journal(Team[(team or "blue").upper()]),
+        epilogue=() if journal.ending is None else (journal.ending.describe(),),
+        is_of_one_seat=False,
+    )
+
+
+def _tell_the_end(transcript: Transcript) -> Iterator[str]:
+    seen, team = list(transcript.observations()), transcript.header.team
+    yield from format_losses(seen)
+    if transcript.ending is None:
+        how = "stops" if transcript.is_whole else "was cut short"
+        yield f"the transcript {how} after {len(seen)} ticks, without an ending"
+        yield f"unfinished as {team.name.lower()}"
+    else:
+        yield format_last_tick(seen, transcript.ending)
+        yield transcript.ending.describe(team)

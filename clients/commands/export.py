@@ -1,0 +1,91 @@
+"""The sub-command that draws a match for elsewhere: `arena replay export`."""
+
+from itertools import islice
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from arena.console import say
+from arena.errors import InputError
+
+_FORMS = ("gif", "png", "html")
+
+
+def export_match(
+    file: Annotated[Path, typer.Argument(help="A journal, or the transcript of a seat.")],
+    as_gif: Annotated[bool, typer.Option("--gif", help="Every tick, moving.")] = False,
+    as_png: Annotated[bool, typer.Option("--png", help="One tick.")] = False,
+    as_html: Annotated[bool, typer.Option("--html", help="The web page's replay as one file, for any browser.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Where to, and by its suffix what; without it here, named like the match."),
+    ] = None,
+    tick: Annotated[int | None, typer.Option(help="Which tick --png shows; the last without it.")] = None,
+    team: Annotated[str | None, typer.Option(help="Whose view of a journal a picture shows: blue (without it) or red.")] = None,
+    cell: Annotated[int, typer.Option(min=6, max=64, metavar="PX", help="Width of a cell.")] = 16,
+    speed: Annotated[float, typer.Option(min=0.1, max=50.0, help="Ticks per second, of --gif.")] = 4.0,
+) -> None:
+    """Draw a match as a picture for papers and talks, or as a page: the boards that `arena replay show` shows.
+
+    Of a journal, a team's view at the left and the truth at the right, with the fights marked; of a transcript, what its seat saw
+    and remembered. An HTML file has all views, its controls, and what the bot of a transcript noted.
+    """
+    from arena.compiling import compile_rules
+    from arena.display.image import count_ticks
+    from arena.records.transcript import is_transcript
+
+    form = _choose_form(out, gif=as_gif, png=as_png, html=as_html)
+    if form != "png" and tick is not None:
+        raise InputError(f"--tick is for --png; --{form} shows every tick")
+    if team not in (None, "blue", "red"):
+        raise InputError(f"--team is {team!r}; it must be blue or red")
+    if form == "html" and team is not None:
+        raise InputError("--team is for pictures; --html shows both views")
+    if count_ticks(file) >= 0 and not is_transcript(file):  # a journal is played again
+        compile_rules()
+    target = out or Path(file.with_suffix(f".{form}").name)
+    n_ticks = _write_page(file, target) if form == "html" else _draw(file, target, form, tick, team, cell, speed)
+    say(f"{target}: {'1 tick' if n_ticks == 1 else f'{n_ticks} ticks'}, {target.stat().st_size / 1000:,.0f} kB")
+
+
+def _choose_form(out: Path | None, **flags: bool) -> str:
+    chosen = [form for form, is_chosen in flags.items() if is_chosen]
+    if not chosen and out is not None and out.suffix[1:] in _FORMS:
+        chosen = [out.suffix[1:]]
+    if len(chosen) != 1:
+        raise InputError("say one of --gif, for every tick, --png, for one, and --html, for a page")
+    return chosen[0]
+
+
+def _write_page(file: Path, target: Path) -> int:
+    from arena.display.replay_frames import describe_recording
+    from arena.records.framing import load
+    from clients.web.page_file import page_file
+
+    match = load(file, describe_recording)
+    try:
+        target.write_text(page_file(match), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write {target}: {error.strerror or error}") from error
+    return len(match["ticks"])
+
+
+def _draw(file: Path, target: Path, form: str, tick: int | None, team: str | None, cell: int, speed: float) -> int:
+    from arena.console import progress_bar
+    from arena.display.image import count_ticks, draw, read_frames, save_gif, save_png
+
+    last = count_ticks(file)
+    if tick is not None and not 0 <= tick <= last:
+        raise InputError(f"--tick is {tick}; the match has {f'ticks 0 to {last}' if last >= 0 else 'no ticks'}")
+    frames = read_frames(file, team)
+    if form == "png":
+        save_png(draw(next(islice(frames, last if tick is None else tick, None)), cell), target)
+        return 1
+    with progress_bar(last + 1, "drawing", each="ticks") as advance:
+        images = []
+        for frame in frames:
+            images.append(draw(frame, cell))
+            advance(1)
+    save_gif(images, target, speed)
+    return last + 1

@@ -1,0 +1,58 @@
+"""The journals of a league that may be seen, and the replays that its report carries with it."""
+
+from collections import Counter
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+from arena.display.replay_frames import describe_match
+from arena.errors import JournalError
+from arena.files import read_file
+from arena.records.journal import journal_name
+from arena.records.plan import LeagueMatchId
+from clients.web.page_file import pack
+from tournaments.reports.report import Report
+
+MOST_CARRIED = 60
+"""Matches of a report that carries their replays, some 6 kB and 50 ms each; a larger report links to their journals alone."""
+_MOST_BYTES = 1 << 24
+
+
+def find_visible(played: Iterable[str], n_pairs: int, is_complete: bool) -> set[str]:
+    """Return the matches whose journals may be seen: those of two entries that are not to meet again, maybe on the same map.
+
+    Parameters
+    ----------
+    is_complete
+        Whether the league is over, as a test is that is decided: then a match needs no more than its whole pair.
+    """
+    matches = {identity: LeagueMatchId.parse(identity) for identity in played}
+    of_fixture = Counter(match.fixture for match in matches.values())
+    of_pair = Counter(match.pair_id for match in matches.values())
+    return {
+        identity
+        for identity, match in matches.items()
+        if of_fixture[match.fixture] >= 2 * n_pairs or (is_complete and of_pair[match.pair_id] == 2)
+    }
+
+
+def read_journal_file(folder: Path, identity: str) -> bytes:
+    """Return the journal of a league's match; `JournalError` if it cannot be read."""
+    path = folder / journal_name(identity)
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise JournalError(f"the journal {path.name} is too long to be one")
+        return read_file(path)
+    except OSError as error:
+        raise JournalError(f"the journal {path.name} cannot be read: {error.strerror}") from error
+
+
+def pack_replays(report: Report, folder: Path) -> dict[str, str]:
+    """Return the replays that a report carries, by identity; a match without a journal that may be seen and holds has none."""
+    if len(report.outcomes) > MOST_CARRIED:
+        return {}
+    packed = {}
+    for identity in find_visible((one.identity for one in report.outcomes), report.league.n_pairs, report.is_complete):
+        with suppress(JournalError):
+            packed[identity] = pack(describe_match(read_journal_file(folder, identity)))
+    return packed
