@@ -1,6 +1,7 @@
 """The README and the pages of docs can be followed: each is read from top to bottom, and what it says is done."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
