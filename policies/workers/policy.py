@@ -27,7 +27,7 @@ from arena.sandbox.limits import NO_LIMITS, Limits
 from arena.sandbox.process import Sandbox
 from policies.each_seat import UNREADABLE
 from policies.program import PREFIX as PROGRAM
-from policies.workers.named_files import check_readable, resolve
+from policies.workers.files import check_readable, resolve
 from policies.workers.worker import OutputLog, Worker
 
 LOAD_S = 60.0

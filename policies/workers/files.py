@@ -1,4 +1,4 @@
-"""The files that a fighter names: found from any folder, and whether a wall may show them to a stranger."""
+"""The files that a fighter's name names: found from any folder, and shown to it behind its wall."""
 
 import shlex
 from collections.abc import Iterable
