@@ -51,6 +51,7 @@ PAGES = {
     "ladder": ("/league?ladder=pit", "The ladder of the pit"),
     "head to head": ("/league/head-to-head?league=friday&a=rush&b=random", "rush scored"),
     "rules": ("/rules", "How a match is won"),
+    "open": ("/open", "transcript"),
     "absent": ("/nowhere", "There is no such page"),
 }
 """By name: an address, and what the page says once its data are there."""
@@ -172,7 +173,7 @@ def test_a_page_has_no_fault_that_axe_finds_and_fits(
     page.get_by_text(text).first.wait_for()
     if name == "in a match":
         page.get_by_role("button", name=text).click()
-        page.locator("canvas").wait_for()
+        page.locator("canvas").first.wait_for()
 
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 900})
