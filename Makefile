@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constr
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help setup tournament test test-full check format layout docs bench clean
+.PHONY: help setup tournament test test-full check format layout reference docs bench clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -46,6 +46,9 @@ format: $(READY) ## let ruff rewrite the sources
 
 layout: $(READY) ## generate docs/reference/layout.md
 	$(BIN)/python docs/make_layout.py
+
+reference: $(READY) ## generate what docs/reference has of the code itself
+	$(BIN)/python docs/make_reference.py
 
 docs: $(READY) ## build the documentation into build/docs; a warning is an error
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs build/docs

@@ -10,7 +10,7 @@ from filelock import FileLock, Timeout
 
 from arena.console import compiling_bar
 from arena.game.engine import prepare_boards, prepare_steps, prepare_turns, prepare_views
-from arena.game.ruleset import Ruleset
+from arena.game.ruleset import Ruleset, load
 from arena.jit import cache_root, load_kernels
 from arena.local.workers import work
 
@@ -77,6 +77,11 @@ def compile_kernels(kernels: Sequence[Kernel], announce: Announce = compiling_ba
             for kernel in missing:
                 kernel.run()
                 advance()
+
+
+def compile_rules() -> None:
+    """Compile what a match needs to be played again, under any rules, and say so; nothing is done if it is there."""
+    compile_kernels(game_kernels(load("paper")))
 
 
 def _compile(run: Callable[[], object]) -> None:

@@ -5,7 +5,10 @@ own ecosystem keeps. MkDocs had its last release in 2024, Material for MkDocs ge
 Zensical is at 0.1. MyST lets the pages be Markdown that a git host shows as well.
 """
 
+import os
 import re
+import sys
+from pathlib import Path
 
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
@@ -22,7 +25,14 @@ html_title = "Arena"
 html_copy_source = False
 
 myst_heading_anchors = 4  # `page.md#a-heading`, as git hosts have it
-nb_execution_mode = "off"  # tests/contracts/test_docs.py runs the notebook
+
+# The notebook runs from top to bottom at every build, somewhere else than here, and the site shows what came of it.
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])  # where `arena` is
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
+nb_output_stderr = "remove"  # progress
 
 default_role = "literal"  # `name` in a docstring is code
 autodoc_member_order = "bysource"
@@ -35,7 +45,7 @@ _OTHERS = "collections|gymnasium|numpy|np|pathlib|pettingzoo|typing"
 nitpick_ignore_regex = [
     (r"py:.*", rf"({_OTHERS})\..*"),
     (r"py:.*", r"arena\.game\.observation_fields\..*"),  # the table behind the arrays, told in zenoh.md
-    (r"py:.*", r"tuple\[.*"),  # a field's type, which numpydoc takes for a name
+    (r"py:.*", r"(tuple|dict)\[.*"),  # a field's type, which numpydoc takes for a name
 ]
 
 

@@ -45,6 +45,7 @@ def verify_journals(
     """
     from platformdirs import user_data_path
 
+    from arena.compiling import compile_rules
     from arena.display.signers import Signers, read_named
     from arena.records.journal import find_journals
 
@@ -55,6 +56,7 @@ def verify_journals(
     paths = list(find_journals(files))
     if transcript is not None and len(paths) != 1:
         raise InputError(f"--transcript is of one match, and there are {len(paths)} journals; name the journal of that match")
+    compile_rules()
     checks = [_check(path, transcript, signers, is_local=is_local) for path in paths]
     unmet = named.entries.keys() - {check["keys"][team]["name"] for check in checks if check["keys"] for team in ("blue", "red")}
     if unmet:
@@ -173,6 +175,7 @@ def show_match(
     from rich.console import Console
     from rich.text import Text
 
+    from arena.compiling import compile_rules
     from arena.console import clean
     from arena.display.player import Recording
     from arena.display.recorded import open_match
@@ -182,6 +185,8 @@ def show_match(
     if team not in (None, "blue", "red"):
         raise InputError(f"--team is {team!r}; it must be blue or red")
     match = open_match(file, team)
+    if not match.is_of_one_seat:  # a journal is played again
+        compile_rules()
     console = Console(force_terminal=False if is_plain else None)
     if not is_live(console):
         console.width = 10_000

@@ -31,6 +31,10 @@ def export_match(
     Of a journal, a team's view at the left and the truth at the right, with the fights marked; of a transcript, what its seat saw
     and remembered. An HTML file has all views, its controls, and what the bot of a transcript noted.
     """
+    from arena.compiling import compile_rules
+    from arena.display.image import count_ticks
+    from arena.records.transcript import is_transcript
+
     form = _choose_form(out, gif=as_gif, png=as_png, html=as_html)
     if form != "png" and tick is not None:
         raise InputError(f"--tick is for --png; --{form} shows every tick")
@@ -38,6 +42,8 @@ def export_match(
         raise InputError(f"--team is {team!r}; it must be blue or red")
     if form == "html" and team is not None:
         raise InputError("--team is for pictures; --html shows both views")
+    if count_ticks(file) >= 0 and not is_transcript(file):  # a journal is played again
+        compile_rules()
     target = out or Path(file.with_suffix(f".{form}").name)
     n_ticks = _write_page(file, target) if form == "html" else _draw(file, target, form, tick, team, cell, speed)
     say(f"{target}: {'1 tick' if n_ticks == 1 else f'{n_ticks} ticks'}, {target.stat().st_size / 1000:,.0f} kB")

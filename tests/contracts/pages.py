@@ -19,7 +19,7 @@ PAGES = {
 LINES = "\n".join(PAGES.values()).replace("\\\n", " ").splitlines()
 _STEP = re.compile(
     r"^<!-- needs: (?P<needs>[^ ]+) -->$"
-    r"|^(?:[^\n]*Save this as\s`(?P<file>[\w.-]+)`[^\n]*\n\n)?```(?P<language>[\w-]+)\n(?P<code>.*?)^```$"
+    r"|^(?:[^\n]*Save\sthis\sas\s`(?P<file>[\w.-]+)`[^\n]*\n\n)?```(?P<language>[\w-]+)\n(?P<code>.*?)^```$"
     r"|^ {4}(?P<line>\S[^\n]*)$",
     re.MULTILINE | re.DOTALL,
 )

@@ -1,5 +1,6 @@
 """The documentation is built as `make docs` builds it: a broken link, a lost page or a docstring that cannot be read ends it."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -29,6 +30,15 @@ def test_the_reference_is_made_of_the_docstrings(site: Path) -> None:
 
     for name in ("arena.Action", "arena.Observation.find_flag", "arena.policy.BatchPolicy.act", "arena.envs.SingleCapture.step"):
         assert f'id="{name}"' in page, name
+
+
+def test_the_notebook_ran_from_top_to_bottom(site: Path) -> None:
+    page = (site / "tutorials" / "arena.html").read_text(encoding="utf-8")
+
+    assert page.count('class="cell_output') >= 8
+    assert re.search(r'<img [^>]*src="[^"]*\.gif"', page)  # it looked
+    assert "last.safetensors" in page  # it trained
+    assert re.search(r"rush\s.*\n.*walker", page)  # it entered a league
 
 
 def test_nothing_is_loaded_from_elsewhere(site: Path) -> None:

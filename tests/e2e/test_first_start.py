@@ -10,6 +10,11 @@ from threading import Timer
 
 import pytest
 
+from arena.game.ruleset import load as load_rules
+from arena.local.venue import play
+from policies.registry import load
+from tournaments.fixture import plan_fixture
+
 SAYS = "compiling the rules and the fighters, once: "
 COMMANDS = {
     "serve": ["serve", "--listen", "tcp/127.0.0.1:0", "--data", "data"],
@@ -19,6 +24,10 @@ COMMANDS = {
     "tournament": ["tournament", "run", "starter", "--data", "data"],
     "evaluate": ["evaluate", "patrol", "--against", "random"],
     "train": ["train", "--out", "run"],
+    "check": ["check", "rush"],
+    "show": ["replay", "show", "kept.journal"],
+    "verify": ["replay", "verify", "--local", "kept.journal"],
+    "export": ["replay", "export", "--gif", "kept.journal"],
 }
 
 
@@ -47,8 +56,19 @@ def first_line(folder: Path, *arguments: str) -> str:
     return line
 
 
+@pytest.fixture(scope="module")
+def journal(compiled: None) -> bytes:
+    """A match to be looked at."""
+    plan = plan_fixture("kept", "one", "two", 1, bytes(32))[0]
+    record = next(play(load_rules("paper").with_({"tick_limit": 2}), [plan], lambda _: load("random"), n_workers=1))
+    assert record.journal is not None
+    return record.journal
+
+
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
-def test_a_command_says_that_it_compiles_before_it_does(tmp_path: Path, command: list[str]) -> None:
+def test_a_command_says_that_it_compiles_before_it_does(tmp_path: Path, command: list[str], journal: bytes) -> None:
+    (tmp_path / "kept.journal").write_bytes(journal)
+
     line = first_line(tmp_path, *command)
 
     assert line.startswith(SAYS), line

@@ -130,6 +130,7 @@ def _compiling_lines(n_kernels: int, expected_s: float) -> "Iterator[Callable[[]
 
 def _play_league(scheduler: "Scheduler", venue: str, title: str, slots: int, *, is_for_machines: bool) -> None:
     """Play what is left, and say how it goes."""
+    from arena.current_call import marked_prints
     from tournaments.venues.table import find_venue
 
     n_done, n_matches = scheduler.n_done, scheduler.n_matches
@@ -152,7 +153,7 @@ def _play_league(scheduler: "Scheduler", venue: str, title: str, slots: int, *, 
 
     bar = nullcontext() if is_for_machines else progress_bar(n_matches - n_done, title)
     try:
-        with stdout_to_stderr(), bar as advance:
+        with stdout_to_stderr(), bar as advance, marked_prints():
             for outcome in scheduler.run(find_venue(venue), invite, slots=slots):
                 if advance is not None:
                     advance(1)
