@@ -51,7 +51,6 @@ PAGES = {
     "ladder": ("/league?ladder=pit", "The ladder of the pit"),
     "head to head": ("/league/head-to-head?league=friday&a=rush&b=random", "rush scored"),
     "rules": ("/rules", "How a match is won"),
-    "open": ("/open", "transcript"),
     "absent": ("/nowhere", "There is no such page"),
 }
 """By name: an address, and what the page says once its data are there."""
