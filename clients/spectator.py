@@ -1,4 +1,7 @@
-"""One running match as a spectator sees it: the public facts, and with the spectator key both fogged views and the truth."""
+"""One running match as a spectator sees it: the public facts, and both fogged views and the truth.
+
+Those are for holders of the spectator key; a pit may also show them to everyone with a delay.
+"""
 
 import queue
 from collections.abc import Callable, Iterator
@@ -17,7 +20,7 @@ from arena.network.address import Address
 from arena.network.session import Sample, Session, open_client, read_key, read_payload
 from arena.protocol import topics
 from arena.protocol.codec import decode
-from arena.protocol.messages import Ended, Lobby, PublicState, Signed, Truth
+from arena.protocol.messages import Ended, Lobby, PastTruth, PublicState, Signed, Truth
 from arena.protocol.observation_codec import ObservationReader
 from arena.protocol.sealing import Opener, truth_opener
 from arena.protocol.signed import read_statement
@@ -49,6 +52,8 @@ class Frame:
     units: tuple[tuple[OwnUnit, ...], tuple[OwnUnit, ...]] | None = None
     """Blue's, and red's, as their teams see them."""
     ended: Ended | None = None
+    is_past: bool = False
+    """Whether this is how it was some ticks ago, as everyone is shown it."""
 
 
 class Spectator:
@@ -95,7 +100,20 @@ class Spectator:
         opener = self._openers.get(salt) or truth_opener(self._key, salt, self._pit, self._match)
         message = decode(opener.open(sealed))
         self._openers[salt] = opener  # of a process of the pit; a stranger's did not open
-        if not isinstance(message, Truth) or len(message.board) != self._side**2 or len(message.seen) != len(Team):
+        if not isinstance(message, Truth):
+            raise UnreadableError("a truth is none of this ruleset")
+        return self._frame(message, is_past=False)
+
+    def read_past_truth(self, payload: bytes) -> Frame:
+        """Return the frame of a truth that everyone may see; `ProtocolError` if the pit did not publish it."""
+        message = decode(payload)
+        fact = read_statement(message, self._pit_key) if isinstance(message, Signed) else None
+        if not isinstance(fact, PastTruth) or fact.match != self._match:
+            raise ForgedError("this is no truth of the match")
+        return self._frame(fact, is_past=True)
+
+    def _frame(self, message: Truth, *, is_past: bool) -> Frame:
+        if len(message.board) != self._side**2 or len(message.seen) != len(Team):
             raise UnreadableError("a truth is none of this ruleset")
         board = np.frombuffer(message.board, np.int8).reshape(self._side, self._side)
         observations = [reader.read(data) for reader, data in zip(self._readers, message.seen, strict=True)]
@@ -107,13 +125,20 @@ class Spectator:
             truth=board,
             seen=(blue.grid, red.grid),
             units=(blue.units, red.units),
+            is_past=is_past,
         )
+
+
+_Read = Callable[[Spectator, bytes], Frame | None]
+"""What makes a frame of a message, by where it came."""
 
 
 def watch(
     address: Address, authority: Path | None, match: str, trust: Callable[[bytes], None], spectator_key: bytes | None
 ) -> Iterator[tuple[str, Frame]]:
     """Yield the frames of a match until it ends; of the first that publishes, if none is named.
+
+    Without a key, boards come where the pit shows them to everyone with a delay.
 
     Parameters
     ----------
@@ -130,18 +155,20 @@ def watch(
     LostPitError
         No pit answers, or the match does not run.
     """
-    inbox: queue.Queue[tuple[bool, Sample]] = queue.Queue(maxsize=MOST_WAITING)
+    inbox: queue.Queue[tuple[_Read, Sample]] = queue.Queue(maxsize=MOST_WAITING)
     spectator: Spectator | None = None
     with open_client(address.endpoint, authority) as session:
         pit_key = ask_challenge(session, address).pit_key
         trust(pit_key)
-        session.subscribe(topics.all_public(address.pit), partial(_enqueue, inbox, False))
+        session.subscribe(topics.all_public(address.pit), partial(_enqueue, inbox, Spectator.read_public))
         if spectator_key is not None:
-            session.subscribe(topics.all_truths(address.pit), partial(_enqueue, inbox, True))
+            session.subscribe(topics.all_truths(address.pit), partial(_enqueue, inbox, Spectator.read_truth))
+        else:
+            session.subscribe(topics.all_delayed(address.pit), partial(_enqueue, inbox, Spectator.read_past_truth))
         ruleset = read_rules(_check_running(session, address, pit_key, match).ruleset)
         while True:
             try:
-                is_truth, sample = inbox.get(timeout=_SILENCE_S)
+                read, sample = inbox.get(timeout=_SILENCE_S)
             except queue.Empty:
                 _check_running(session, address, pit_key, match)
                 continue
@@ -151,7 +178,7 @@ def watch(
                     continue
                 if spectator is None or not match:
                     spectator = Spectator(address.pit, at, ruleset, pit_key, spectator_key)
-                frame = spectator.read_truth(read_payload(sample)) if is_truth else spectator.read_public(read_payload(sample))
+                frame = read(spectator, read_payload(sample))
             except ProtocolError:
                 continue  # anybody may publish: only what the pit sealed or signed counts
             if frame is not None:
@@ -169,8 +196,8 @@ def _check_running(session: Session, address: Address, pit_key: bytes, match: st
     return lobby
 
 
-def _enqueue(inbox: "queue.Queue[tuple[bool, Sample]]", is_truth: bool, sample: Sample) -> None:
+def _enqueue(inbox: "queue.Queue[tuple[_Read, Sample]]", read: "_Read", sample: Sample) -> None:
     try:
-        inbox.put_nowait((is_truth, sample))
+        inbox.put_nowait((read, sample))
     except queue.Full:
         return  # the next tick replaces it

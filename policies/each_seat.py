@@ -117,7 +117,7 @@ class EachSeat(BatchPolicy):
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's code may raise anything
             faults = self._faults[seat]
             faults.raised += 1
-            faults.note(*_describe(error, tick))
+            faults.note(*describe_error(error, tick))
             if faults.first_traceback is None:
                 faults.first_traceback = _bots_own(error)
             return None
@@ -145,7 +145,7 @@ class EachSeatFactory:
         return EachSeat(ruleset, team, n_seats, make=self.make)
 
 
-def _describe(error: BaseException, tick: int) -> tuple[str, str]:
+def describe_error(error: BaseException, tick: int) -> tuple[str, str]:
     """Return what kind of mistake an exception is, by the line of the bot that raised it, and a sentence that tells it."""
     when = f"tick {tick}: " if tick >= 0 else ""
     if isinstance(error, BotError):

@@ -15,7 +15,9 @@ from policies.cli import policies
 from policies.training.cli import train
 from tournaments.commands.bench import bench
 from tournaments.commands.check import check
+from tournaments.commands.debug import debug
 from tournaments.commands.evaluate import evaluate
+from tournaments.commands.gauntlet import gauntlet
 from tournaments.commands.league import leaderboard, tournament
 from tournaments.commands.new import new
 from tournaments.commands.play import play
@@ -28,8 +30,10 @@ COMMANDS: dict[str, Command] = {
     "admin": admin,
     "bench": bench,
     "check": check,
+    "debug": debug,
     "doctor": doctor,
     "evaluate": evaluate,
+    "gauntlet": gauntlet,
     "join": join,
     "keys": keys,
     "leaderboard": leaderboard,

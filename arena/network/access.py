@@ -68,7 +68,7 @@ def access_rules(pit: str) -> dict[str, Any]:
     allowed too: a client sends nothing until it knows that somebody subscribes to its publisher's key.
     """
     queried = [topics.join(pit), topics.lobby(pit), topics.all_journals(pit)]
-    published = [topics.all_observations(pit), topics.all_public(pit), topics.all_truths(pit)]
+    published = [topics.all_observations(pit), topics.all_public(pit), topics.all_truths(pit), topics.all_delayed(pit)]
     allowed = {
         "query": ("ingress", ["query"], queried),
         "receive replies": ("egress", ["declare_queryable", "reply"], queried),

@@ -15,11 +15,14 @@ def open_lane(session: Session, pit: str, lane: int) -> list[Put]:
 class MatchChannels:
     """Carries out the effects of one match."""
 
-    def __init__(self, session: Session, pit: str, journal: JournalFile, match: str, puts: list[Put]) -> None:
+    def __init__(
+        self, session: Session, pit: str, journal: JournalFile, match: str, puts: list[Put], is_delayed_public: bool
+    ) -> None:
         self._journal, self._puts = journal, puts
         self._public = session.broadcast(topics.public(pit, match))
         self._truth = session.broadcast(topics.truth(pit, match))
-        self._ends = [self._public.end, self._truth.end]
+        self._past_truth = session.broadcast(topics.delayed(pit, match)) if is_delayed_public else None
+        self._ends = [one.end for one in (self._public, self._truth, self._past_truth) if one is not None]
 
     def append(self, effect: Append) -> None:
         """Append to the journal; `ArenaError` if it cannot be written."""
@@ -35,6 +38,8 @@ class MatchChannels:
             self._public.put(effect.make_public())
         if effect.make_truth is not None and self._truth.has_subscribers:
             self._truth.put(effect.make_truth())
+        if effect.make_past_truth is not None and self._past_truth is not None and self._past_truth.has_subscribers:
+            self._past_truth.put(effect.make_past_truth())
 
     def publish_ending(self, effect: PublishEnding) -> None:
         """Publish how the match ended."""

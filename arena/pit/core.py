@@ -60,6 +60,8 @@ class PitCore:
     def __init__(
         self, context: PitContext, ruleset: Ruleset, seating: Seating, time_control: TimeControl, register: Register
     ) -> None:
+        if context.public_delay and not seating.plays_maps_once:
+            raise ValueError("a board may be shown with a delay only where its map is never played again")
         self._context, self._ruleset, self._seating, self._register = context, ruleset, seating, register
         self._authenticator = Authenticator(context.pit, context.identity)
         self._requests: RationedQueue[JoinAsked] = RationedQueue(share=_SHARE)
@@ -212,4 +214,5 @@ class PitCore:
             running=running[:MOST_LISTED],
             waiting=self._admission.names[:MOST_LISTED],
             standings=self._seating.standings()[:MOST_STANDINGS],
+            public_delay=self._context.public_delay,
         )

@@ -80,6 +80,8 @@ class PublishTick(NamedTuple):
     """What everyone may know."""
     make_truth: Callable[[], bytes] | None
     """All of it, sealed; None where there is no spectator key."""
+    make_past_truth: Callable[[], bytes] | None = None
+    """All of it as it was some ticks ago, for everyone; None where that is shown to nobody, or not yet."""
 
 
 @dataclass(frozen=True, slots=True)

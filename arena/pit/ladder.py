@@ -73,6 +73,8 @@ OpenLadder = Callable[[str, str, str], AbstractContextManager[Ladder]]
 class LadderSeating(Seating):
     """Whoever comes, against whom the ladder chooses."""
 
+    plays_maps_once = True
+
     def __init__(self, ladder: Ladder, make_plan: Callable[[str, str], MatchPlan], n_matches: int | None) -> None:
         self._ladder, self._make_plan, self._left = ladder, make_plan, n_matches
         self._waiting: dict[bytes, dict[SlotId, tuple[str, float]]] = {}

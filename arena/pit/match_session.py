@@ -1,5 +1,6 @@
 """One match with its seats' keys: sealed messages and the time go in, effects come out."""
 
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -21,6 +22,7 @@ from arena.protocol.messages import (
     History,
     Message,
     Orders,
+    PastTruth,
     PublicState,
     Ready,
     Receipt,
@@ -51,6 +53,8 @@ class PitContext:
     pit: str
     identity: Identity
     spectator_key: bytes | None = None
+    public_delay: int = 0
+    """Ticks after which everyone is shown the board of a match that runs; 0 shows it to nobody."""
 
 
 @dataclass(slots=True)
@@ -111,6 +115,8 @@ class MatchSession:
             salt = new_secret()
             make_truth = partial(self._make_truth, salt, truth_sealer(context.spectator_key, salt, context.pit, self.id))
         self._publish_tick = PublishTick(self.id, self._make_public, make_truth)
+        self._past: deque[PastTruth] = deque(maxlen=context.public_delay + 1)
+        """The last ticks, where they are shown with a delay."""
 
     @property
     def openers(self) -> dict[Team, tuple[Opener, ...]]:
@@ -155,6 +161,7 @@ class MatchSession:
             tick=self.match.tick,
             secret=secret,
             commitment=self._commitment,
+            public_delay=self._context.public_delay,
         )
 
     def receive(self, team: Team, payload: bytes, now_s: float, arrived_s: float | None = None) -> list[Effect]:
@@ -198,7 +205,7 @@ class MatchSession:
             elif type(effect) is Write:
                 effects += self._write(effect.data)
             elif type(effect) is Publish:
-                effects.append(self._publish_tick)
+                effects.append(self._publish())
             elif type(effect) is End:
                 effects += self._end(effect.result)
         return effects
@@ -207,6 +214,17 @@ class MatchSession:
         """Sign the journal of a match that is over."""
         signature = write_signature(sign_journal(self._context.identity, self.match.head))
         return [*([Append(self.id, signature)] if self.has_journal else []), CloseMatch(self.id)]
+
+    def _publish(self) -> PublishTick:
+        """Return what is to be published of this tick, and of the one that everyone may be shown now."""
+        if not self._context.public_delay:
+            return self._publish_tick
+        board, seen = self.match.truth()
+        self._past.append(PastTruth(match=self.id, tick=self.match.tick, board=board, seen=seen))
+        past = self._past[0]
+        if self.match.tick - past.tick < self._context.public_delay:
+            return self._publish_tick
+        return self._publish_tick._replace(make_past_truth=lambda: encode(sign_statement(self._context.identity, past)))
 
     def _write(self, data: bytes) -> list[Effect]:
         result = self.match.result

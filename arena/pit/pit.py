@@ -44,6 +44,8 @@ class PitSettings:
     """Where to listen, and the pit's name and key."""
     identity: Identity
     spectator_key: bytes
+    public_delay: int = 0
+    """See `PitContext`."""
     register: Register
     ruleset: Ruleset
     secret: bytes
@@ -90,7 +92,12 @@ class Pit:
             self._numbers = count(
                 _next_number(settings.journals, settings.address.pit, counted, is_rated=settings.ladder is not None)
             )
-            context = PitContext(pit=settings.address.pit, identity=settings.identity, spectator_key=settings.spectator_key)
+            context = PitContext(
+                pit=settings.address.pit,
+                identity=settings.identity,
+                spectator_key=settings.spectator_key,
+                public_delay=settings.public_delay,
+            )
             referee = Referee(
                 session,
                 context,

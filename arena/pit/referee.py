@@ -83,6 +83,7 @@ class Referee:
     ) -> None:
         self._session, self._pit, self._journals, self._fsync = session, context.pit, journals, fsync
         self._register = register or Register()
+        self._is_delayed_public = context.public_delay > 0
         self._core = PitCore(context, ruleset, seating, time_control, self._register)
         self._inbox: SimpleQueue[Callable[[], Event]] = SimpleQueue()
         self._questions: dict[QuestionId, Query] = {}
@@ -254,7 +255,9 @@ class Referee:
         puts = self._lanes.get(effect.lane)
         if puts is None:
             puts = self._lanes[effect.lane] = open_lane(self._session, self._pit, effect.lane)
-        self._channels[effect.match] = MatchChannels(self._session, self._pit, journal, effect.match, puts)
+        self._channels[effect.match] = MatchChannels(
+            self._session, self._pit, journal, effect.match, puts, self._is_delayed_public
+        )
 
     def _refill_journals(self) -> None:
         """Tell the core how many matches can begin, whenever that changes by more than the matches that began."""

@@ -26,6 +26,9 @@ class Pairing:
 class Seating(Protocol):
     """Decides who plays whom."""
 
+    plays_maps_once: bool = False
+    """Whether no map is played a second time; only then may boards of matches that run be shown to everyone."""
+
     def place(self, slot: SlotId, request: JoinRequest, now_s: float) -> Pairing | Wait | Refusal | Closed:
         """Take a request, perhaps one that was taken before; a pairing may hold other slots that waited."""
 
@@ -69,6 +72,8 @@ def object_to(request: JoinRequest, ruleset: Ruleset) -> str:
 
 class OpenSeating(Seating):
     """Whoever comes: a match begins when a red and a blue seat are taken."""
+
+    plays_maps_once = True
 
     def __init__(self, make_plan: Callable[[str, str], MatchPlan], n_matches: int | None) -> None:
         self._make_plan, self._left = make_plan, n_matches

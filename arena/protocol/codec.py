@@ -7,7 +7,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import msgpack
 
 from arena.errors import UnreadableError, VersionError
-from arena.protocol.messages import PROTOCOL_VERSION, Message
+from arena.protocol.messages import LATER, PROTOCOL_VERSION, Message
 
 MOST_BYTES = 60_000
 """No message is longer; what is longer is sent in pieces."""
@@ -19,15 +19,12 @@ _NUMBERS = {kind: number for number, kind in enumerate(_KINDS)}
 def encode(message: Message, version: int | None = None) -> bytes:
     """Return the bytes of a message; without `version`, of this version of the protocol."""
     kind: type = type(message)
-    return bytes(
-        _pack(
-            [
-                PROTOCOL_VERSION if version is None else version,
-                _NUMBERS[kind],
-                *[getattr(message, name) for name, _ in _shape(kind)],
-            ]
-        )
-    )
+    values = [getattr(message, name) for name, _ in _shape(kind)]
+    for default in _defaults(kind):
+        if values[-1] != default:
+            break
+        values.pop()
+    return bytes(_pack([PROTOCOL_VERSION if version is None else version, _NUMBERS[kind], *values]))
 
 
 def decode(data: bytes, version: int | None = None) -> Message:
@@ -53,12 +50,12 @@ def decode(data: bytes, version: int | None = None) -> Message:
         raise UnreadableError(f"there is no message of kind {number}")
     kind = _KINDS[number]
     shape = _shape(kind)
-    if len(rest) != len(shape):
+    if not len(shape) - len(_defaults(kind)) <= len(rest) <= len(shape):
         raise UnreadableError(f"{kind.__name__} has {len(shape)} fields, not {len(rest)}")
-    for value, (name, hint) in zip(rest, shape, strict=True):
+    for value, (name, hint) in zip(rest, shape, strict=False):
         if type(value) is not hint and not _fits(value, hint):
             raise UnreadableError(f"{kind.__name__}.{name} is of another type than it should be")
-    message: Message = kind(**{name: value for value, (name, _) in zip(rest, shape, strict=True)})
+    message: Message = kind(**{name: value for value, (name, _) in zip(rest, shape, strict=False)})
     return message
 
 
@@ -66,6 +63,12 @@ def decode(data: bytes, version: int | None = None) -> Message:
 def _shape(kind: Any) -> tuple[tuple[str, Any], ...]:
     hints = get_type_hints(kind)
     return tuple((item.name, hints[item.name]) for item in fields(kind))
+
+
+@cache
+def _defaults(kind: Any) -> tuple[Any, ...]:
+    """Return the defaults of the fields that came later, the last first: those at their defaults are left out."""
+    return tuple(item.default for item in reversed(fields(kind)) if item.metadata == LATER)
 
 
 def _fits(value: Any, hint: Any) -> bool:

@@ -16,13 +16,16 @@ A match, message by message; `handshake` says how the first four are sealed, `se
     Receipt       ---- action ---->
                   <---- public ---  PublicState, Signed   what everyone may know
                   <---- truth ----  Truth           to holders of the spectator key
+                  <--- delayed ---  Signed          holds PastTruth, where the pit shows boards to everyone with a delay
 """
 
 from dataclasses import dataclass, field
 from typing import Any
 
 PROTOCOL_VERSION = 4
-"""Rises with every change of a message."""
+"""Rises with every change of a message, except of one as `LATER` makes it."""
+LATER = {"is_left_out_at_default": True}
+"""Metadata of a last field that came later: left out at its default, so that old programs read the rest, and refuse another."""
 UNKNOWN_US = -1
 """Of what a turn was charged: it was the first, or was played before the pit came back."""
 MOST_US = 2**32 - 2
@@ -131,6 +134,8 @@ class Ticket:
     """The pit's share of the seat's keys."""
     commitment: bytes
     """A `Signed` with the match's `Commitment`."""
+    public_delay: int = field(default=0, metadata=LATER)
+    """Ticks after which the pit shows everyone the board, while the match runs; 0 if it shows it to nobody."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -270,6 +275,13 @@ class Truth:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PastTruth(Truth):
+    """A tick as it was, for everyone, in a pit that shows boards with a delay."""
+
+    match: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class JournalRequest:
     """Somebody asks for a piece of a journal."""
 
@@ -305,6 +317,8 @@ class Lobby:
     """Names of those who wait for an opponent."""
     standings: list[dict[str, Any]] = field(default_factory=list)
     """Of a ladder, the best first: name, rating, mu, sigma, wins, draws, losses, forfeits of each; else empty."""
+    public_delay: int = field(default=0, metadata=LATER)
+    """As in `Ticket`, of every match."""
 
 
 Message = (
@@ -332,4 +346,5 @@ Message = (
     | JournalRequest
     | JournalPiece
     | Lobby
+    | PastTruth
 )

@@ -7,14 +7,14 @@ from arena.game.keys import MatchKeys
 from arena.game.types import Team
 from arena.protocol.codec import decode, encode
 from arena.protocol.identity import Identity, verify
-from arena.protocol.messages import Commitment, Ended, Lobby, Receipt, Signed
+from arena.protocol.messages import Commitment, Ended, Lobby, PastTruth, Receipt, Signed
 
 STATEMENT_VERSION = 3
 """Rises when a statement changes, and not with the protocol: a journal holds the signature of one, which is to hold for good."""
 _FACT, _RECEIPT, _JOURNAL = "fact", "receipt", "journal"
 HEAD_BYTES = 32
 """Of a transcript."""
-Statement = Commitment | Ended | Lobby
+Statement = Commitment | Ended | Lobby | PastTruth
 
 
 def commit(match: str, keys: MatchKeys) -> bytes:

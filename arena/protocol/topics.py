@@ -93,6 +93,16 @@ def all_truths(pit: str) -> str:
     return f"arena/{pit}/match/*/truth"
 
 
+def delayed(pit: str, match: str) -> str:
+    """Return the key of a running match's true state as it was some ticks ago, where the pit shows that to everyone."""
+    return f"arena/{pit}/match/{match}/delayed"
+
+
+def all_delayed(pit: str) -> str:
+    """Return the expression of every match's delayed key."""
+    return f"arena/{pit}/match/*/delayed"
+
+
 def journal(pit: str, match: str) -> str:
     """Return the key of a match's journal, once it may be seen."""
     return f"arena/{pit}/journal/{match}"

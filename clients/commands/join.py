@@ -230,6 +230,8 @@ def _play_as_human(mailbox: "TurnMailbox", settings: "ClientSettings", notes: li
 def _print_seat(seat: "Seat") -> None:
     team, opponent = seat.team.name.lower(), seat.ticket.opponent
     say(f"match {seat.ticket.match}: {team} against {opponent}, rules {seat.ruleset.name}", err=True)
+    if seat.ticket.public_delay:
+        say(f"this pit shows everyone the board, {seat.ticket.public_delay} ticks late: flags and obstacles too", err=True)
     if seat.transcript is not None:
         say(f"its transcript is written to {seat.transcript}", err=True)
 

@@ -22,7 +22,10 @@ def watch(
     ] = None,
     authority: Authority = None,
 ) -> None:
-    """Watch a match as it runs: the public facts, and with the spectator key what each team sees beside the truth."""
+    """Watch a match as it runs: the public facts, and with the spectator key what each team sees beside the truth.
+
+    A pit that was opened with --public-delay shows the boards to everyone, so many ticks late.
+    """
     from rich.console import Console
     from rich.live import Live
 
@@ -37,10 +40,12 @@ def watch(
     console = Console()
     last: Frame | None = None
     names = ("?", "?")
+    has_boards = key is not None
     with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
         for chosen, frame in watch(address, authority, match, lambda pit_key: trust(address, pit_key), key):
             names = frame.names or names
-            if frame.ended is None and (key is None or frame.truth is not None):
+            has_boards = has_boards or frame.truth is not None
+            if frame.ended is None and (frame.truth is not None or not has_boards):
                 width, height = (console.width, console.height) if is_live(console) else (10_000, None)
                 drawn = _draw(chosen, names, frame, width, height)
                 if is_live(console):
@@ -61,7 +66,7 @@ def _draw(match: str, names: tuple[str, str], frame: "Frame", width: int, height
     blue, red = frame.living or ("?", "?")
     title = (
         f"match {match}   blue {names[0]} against red {names[1]}   tick {frame.tick}   score {frame.score:+d}   "
-        f"units {blue}:{red}"
+        f"units {blue}:{red}{'   (as everyone is shown it, later)' if frame.is_past else ''}"
     )
     if frame.truth is None or frame.seen is None:
         return Text(clean(title))

@@ -70,10 +70,12 @@ class PitClient:
         self._watches: set[Watch] = set()
         self._truths: dict[str, Callable[[], None]] = {}
         """By match: what ends hearing its truth."""
+        self._past_truths: dict[str, Callable[[], None]] = {}
+        """Likewise for those that everyone may see, later."""
         self._session: Session | None = None
         self._pit_key = b""
         self._ruleset: Ruleset | None = None
-        self._heard: queue.Queue[tuple[bool, Sample]] = queue.Queue(MOST_WAITING)
+        self._heard: queue.Queue[tuple[Callable[[str, bytes], None], Sample]] = queue.Queue(MOST_WAITING)
         self._loop: asyncio.AbstractEventLoop | None = None
 
     async def run(self) -> None:
@@ -89,6 +91,7 @@ class PitClient:
             finally:
                 self._session, self.lobby = None, None
                 self._truths.clear()
+                self._past_truths.clear()
             for watch in self._watches:
                 watch.send({"kind": "lost", "sentence": self.trouble})
             await asyncio.sleep(_EVERY_S)
@@ -100,7 +103,7 @@ class PitClient:
         self._pit_key = challenge.pit_key
         self.lobby = await asyncio.to_thread(ask_lobby, session, self.address, self._pit_key)
         self._ruleset = read_rules(self.lobby.ruleset)
-        session.subscribe(topics.all_public(self.address.pit), partial(self._enqueue, False))
+        session.subscribe(topics.all_public(self.address.pit), partial(self._enqueue, self._hear_public))
         self._session = session
         for watch in self._watches:
             watch.spectator = None
@@ -129,8 +132,9 @@ class PitClient:
             yield watch
         finally:
             self._watches.discard(watch)
-            if not any(other.match == match and other.key for other in self._watches):
-                self._truths.pop(match, lambda: None)()
+            for subscriptions, has_key in ((self._truths, True), (self._past_truths, False)):
+                if not any(other.match == match and bool(other.key) is has_key for other in self._watches):
+                    subscriptions.pop(match, lambda: None)()
 
     def _begin(self, watch: Watch) -> None:
         """Tell a page what is known, and hear its match's truth if it has a key; the pit makes no truth for nobody."""
@@ -139,7 +143,8 @@ class PitClient:
             watch.send({"kind": "lost", "sentence": self.trouble})
             return
         watch.spectator = Spectator(self.address.pit, watch.match, ruleset, self._pit_key, watch.key)
-        watch.send({"kind": "rules", "rules": describe_rules(ruleset)})
+        delay = 0 if self.lobby is None else self.lobby.public_delay
+        watch.send({"kind": "rules", "rules": describe_rules(ruleset), "public_delay": delay})
         if (facts := self._facts.get(watch.match)) is not None:
             watch.send(_describe(facts))
         elif self.lobby is not None:
@@ -149,7 +154,10 @@ class PitClient:
                     watch.send({"kind": "public", "tick": one["tick"], "names": names, "living": None, "score": None})
         if watch.key is not None and watch.match not in self._truths:
             truth = topics.truth(self.address.pit, watch.match)
-            self._truths[watch.match] = session.subscribe(truth, partial(self._enqueue, True))
+            self._truths[watch.match] = session.subscribe(truth, partial(self._enqueue, self._hear_truth))
+        if watch.key is None and watch.match not in self._past_truths:
+            past = topics.delayed(self.address.pit, watch.match)
+            self._past_truths[watch.match] = session.subscribe(past, partial(self._enqueue, self._hear_past_truth))
 
     async def fetch_journal(self, match: str) -> bytes:
         """Return the journal of a match that is over; `ArenaError` says why it cannot be had."""
@@ -157,20 +165,16 @@ class PitClient:
             raise LostPitError(self.trouble)
         return await asyncio.to_thread(ask_journal, self._session, self.address, match)
 
-    def _enqueue(self, is_truth: bool, sample: Sample) -> None:
+    def _enqueue(self, hear: Callable[[str, bytes], None], sample: Sample) -> None:
         with suppress(queue.Full, RuntimeError):  # the next tick tells all anew; or the server has ended
-            self._heard.put_nowait((is_truth, sample))
+            self._heard.put_nowait((hear, sample))
             if self._loop is not None:
                 self._loop.call_soon_threadsafe(self._hear)
 
     def _hear(self) -> None:
         with suppress(queue.Empty, ProtocolError):  # anybody may publish; what the pit did not say counts for nothing
-            is_truth, sample = self._heard.get_nowait()
-            match, payload = topics.read_match(read_key(sample)), read_payload(sample)
-            if is_truth:
-                self._hear_truth(match, payload)
-            else:
-                self._hear_public(match, payload)
+            hear, sample = self._heard.get_nowait()
+            hear(topics.read_match(read_key(sample)), read_payload(sample))
 
     def _hear_truth(self, match: str, payload: bytes) -> None:
         for watch in [one for one in self._watches if one.match == match and one.key and one.spectator]:
@@ -184,6 +188,11 @@ class PitClient:
             if frame is not None and self._ruleset is not None:
                 watch.has_opened = True
                 watch.send(_describe_frame(watch, frame, self._ruleset))
+
+    def _hear_past_truth(self, match: str, payload: bytes) -> None:
+        for watch in [one for one in self._watches if one.match == match and one.key is None]:
+            if watch.spectator is not None and self._ruleset is not None:
+                watch.send(_describe_frame(watch, watch.spectator.read_past_truth(payload), self._ruleset))
 
     def _hear_public(self, match: str, payload: bytes) -> None:
         if self._ruleset is None:

@@ -6,32 +6,28 @@ side by side. A network has one for all seats of its client, since it is large a
 
 import atexit
 import os
-import shlex
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from pathlib import Path
 from threading import Condition
 
 import numpy as np
 from numpy.typing import NDArray
-from platformdirs import user_data_path
 
 from arena.annotations import read_annotations
 from arena.current_call import START, Place
-from arena.errors import InputError, PolicyError, UnreadableError
+from arena.errors import PolicyError, UnreadableError
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, rules_values
 from arena.game.types import Action, Team
 from arena.jit import cache_root
-from arena.keyring.ring import config_folder
 from arena.policy import BatchPolicy, Faults, MatchResult, Orders, Thinking
 from arena.protocol.observation_codec import ObservationWriter
 from arena.sandbox.limits import NO_LIMITS, Limits
 from arena.sandbox.process import Sandbox
 from policies.each_seat import UNREADABLE
 from policies.program import PREFIX as PROGRAM
-from policies.registry import is_file_or_program
+from policies.workers.files import check_readable, resolve
 from policies.workers.worker import OutputLog, Worker
 
 LOAD_S = 60.0
@@ -81,7 +77,7 @@ class WorkerFactory:
         self.spec, self.wake, self.on_limit = spec, wake, on_limit
         self._command, files = resolve(spec)
         if has_wall:
-            _check_readable(spec, files)
+            check_readable(spec, files)
         self._sandbox = Sandbox(has_wall=has_wall, limits=limits, readable=(*files, cache_root()))
         self._n_spare, self._patience_s = n_spare, patience_s
         self._log = OutputLog(limits, on_output)
@@ -194,34 +190,6 @@ class WorkerFactory:
             self._changed.notify_all()
         if self.wake is not None:
             self.wake()
-
-
-def resolve(spec: str) -> tuple[str, list[Path]]:
-    """Return a fighter such that it is found from any folder, and the files that it names."""
-    if not spec.startswith(PROGRAM):
-        path = Path(spec).absolute()
-        return (str(path), [path]) if is_file_or_program(spec) and path.exists() else (spec, [])
-    try:
-        words = shlex.split(spec.removeprefix(PROGRAM))
-    except ValueError:
-        return spec, []  # whoever loads it says so
-    files = []
-    for number, word in enumerate(words):
-        path = Path(word).absolute()
-        if path.exists() and (word.startswith("/") or path.is_file()) and (number > 0 or "/" in word):
-            words[number] = str(path)
-            files.append(path)
-    return PROGRAM + shlex.join(words), files
-
-
-def _check_readable(spec: str, files: Iterable[Path]) -> None:
-    """Refuse to show a stranger a folder that a wall is there to hide."""
-    hidden = [Path.home(), user_data_path("arena"), config_folder(), Path("/proc"), Path("/sys"), Path("/dev")]
-    for path in files:
-        if any(folder.resolve().is_relative_to(path.resolve()) for folder in hidden):
-            raise InputError(
-                f"{spec} names {path}, and behind its wall it would see all that is in there; name a folder of its own"
-            )
 
 
 @dataclass(slots=True)

@@ -24,7 +24,7 @@ from arena.pit.match_session import MatchSession, PitContext
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Commitment, Ended, Message, Orders, PublicState, Signed, Truth
+from arena.protocol.messages import Commitment, Ended, Message, Orders, PastTruth, PublicState, Signed, Truth
 from arena.protocol.sealing import truth_sealer
 from arena.protocol.signed import STATEMENT_VERSION, commit, sign_statement
 from arena.records.journal import Header, read_journal
@@ -43,14 +43,16 @@ KEY, SALT = b"k" * 32, b"s" * 32
 class Show:
     """A match of random orders, and what was published of it."""
 
-    def __init__(self, identity: Identity = PIT, spectator_key: bytes | None = KEY) -> None:
+    def __init__(self, identity: Identity = PIT, spectator_key: bytes | None = KEY, public_delay: int = 0) -> None:
         header = Header(identity=IDENTITY, blue="ann", red="bob", ruleset=RULES, keys=KEYS)
         match, chance = Match(header, TimeControl(turn_time_s=None), 0.0), random.Random(3)
-        context = PitContext(pit="pit", identity=identity, spectator_key=spectator_key)
+        context = PitContext(pit="pit", identity=identity, spectator_key=spectator_key, public_delay=public_delay)
         self._session = MatchSession(context, match, {team: Identity.make().public for team in Team}, b"", 0, {})
         self.journal = match.start_record
         self.public: list[bytes] = []
         self.truths: list[bytes] = []
+        self.past_truths: list[bytes | None] = []
+        """By the tick at which each was published."""
         for team in Team:
             self._carry_out(match.ready(team, 0.0))
         while match.phase is Phase.PLAYING:
@@ -67,6 +69,7 @@ class Show:
                 self.public.append(effect.make_public())
                 if effect.make_truth is not None:
                     self.truths.append(effect.make_truth())
+                self.past_truths.append(effect.make_past_truth and effect.make_past_truth())
             elif isinstance(effect, PublishEnding):
                 self.public.append(effect.payload)
 
@@ -97,6 +100,38 @@ def spectator(key: bytes | None = KEY, pit: str = "pit", match: str = MATCH, pit
 def frame(heard: Frame | None) -> Frame:
     assert heard is not None
     return heard
+
+
+def test_everyone_is_shown_the_board_as_late_as_the_pit_says_and_no_tick_earlier(games: list[Any]) -> None:
+    delay = 3
+    published = Show(public_delay=delay).past_truths
+
+    assert len(published) == len(games) - 1
+    assert published[:delay] == [None] * delay
+    watching = spectator(key=None)
+    for tick, payload in enumerate(published[delay:]):
+        assert payload is not None
+        seen = watching.read_past_truth(payload)
+        truth, blue, red, living, score = games[tick]
+        assert (seen.tick, seen.living, seen.score, seen.is_past) == (tick, living, score, True)
+        assert seen.truth is not None
+        assert seen.seen is not None
+        np.testing.assert_array_equal([seen.truth, *seen.seen], [truth, blue, red])
+
+
+def test_where_nothing_was_said_of_a_delay_no_board_is_for_everyone(show: Show) -> None:
+    assert set(show.past_truths) == {None}
+
+
+def test_a_past_truth_of_a_stranger_or_of_another_match_is_not_believed() -> None:
+    payload = Show(public_delay=1).past_truths[-1]
+    assert payload is not None
+
+    for doubtful in (spectator(pit_key=STRANGER.public), spectator(match="0" * 24)):
+        with pytest.raises(ForgedError):
+            doubtful.read_past_truth(payload)
+    with pytest.raises(ProtocolError):
+        spectator().read_past_truth(encode(PastTruth(match=MATCH, tick=0, board=bytes(100), seen=[])))
 
 
 def test_the_public_facts_of_each_tick_are_those_of_the_journal(show: Show, games: list[Any]) -> None:

@@ -20,6 +20,7 @@ from arena.protocol.messages import (
     Lobby,
     Message,
     Orders,
+    PastTruth,
     PublicState,
     Ready,
     Receipt,
@@ -65,6 +66,10 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
             match=MATCH, lane=999_999, team=1, ruleset=PAPER, opponent="ann", turn_time_s=None, bank_s=0.125, tick=99, secret=B,
             commitment=b"c" * 200,
         ),
+        Ticket(
+            match=MATCH, lane=0, team=0, ruleset={}, opponent="bob", turn_time_s=1.0, bank_s=10.0, tick=0, secret=A,
+            commitment=b"c", public_delay=20,
+        ),
     ),
     "no seat yet": (Wait(reason="no opponent yet"),),
     "no seat": (Refusal(reason="the name is another's"),),
@@ -91,6 +96,7 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
     "a receipt": (Receipt(n_shown=101, head=A, signature=SIGNATURE),),
     "public facts": (PublicState(tick=5, names=["ann", "bob"], living=[6, 4], score=-20, commitment=b"c"),),
     "the truth": (Truth(tick=5, board=bytes(range(9)), seen=[b"blue", b"red"]),),
+    "the truth of a while ago": (PastTruth(match=MATCH, tick=5, board=bytes(range(9)), seen=[b"blue", b"red"]),),
     "a request for a journal": (JournalRequest(offset=0), JournalRequest(offset=1 << 20)),
     "a piece of a journal": (JournalPiece(n_bytes=5_000_000_000, offset=7, data=b"piece"),),
     "the lobby": (

@@ -22,11 +22,15 @@ NOT_RUN = {
     r"arena train (?!figures)": "takes minutes: the notebook trains in small, tests/policies/training/ in every way",
     r"arena train figures": "draws the runs of hours: tests/policies/training/test_figures.py draws small ones",
     r"arena check": "starts processes behind walls for half a minute: tests/tournaments/authoring/",
+    r"arena debug .*--tick": "waits for somebody at a debugger: tests/e2e/test_debugging_at_a_terminal.py",
+    r"arena play .*--step": "waits for somebody at a terminal: tests/e2e/test_stepping_at_a_terminal.py",
     r"arena play .*--sandbox": "needs bubblewrap: tests/arena/sandbox/",
+    r"arena play mybot.py old/mybot.py": "the reader keeps their old version: tests/tournaments/authoring/test_until_sure.py",
+    r"arena gauntlet": "plays 600 matches: tests/tournaments/authoring/test_gauntlet.py plays few",
     r"arena tournament (run|report) course.toml": "plays behind walls over the network: tests/tournaments/venues/",
     r"arena tournament run LEAGUE.toml --venue ray": "needs a cluster: tests/tournaments/venues/",
     r"arena (play|evaluate) runs/": "plays what was trained in minutes: the notebook does so in small",
-    r"arena replay (show|verify) (TRANSCRIPT|JOURNAL)": "is of a match in a pit: tests/e2e/test_transcripts.py",
+    r"arena replay (show|verify) (TRANSCRIPT|JOURNAL|DATA)": "is of a match in a pit: tests/e2e/test_transcripts.py",
 }
 """Command lines of the arena that no page's test runs, and why; test_readme.py has the real parser read each."""
 FASTER = {

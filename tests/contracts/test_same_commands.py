@@ -27,6 +27,8 @@ from tournaments.store.store import Store
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
 Same = Callable[[str, str], None]
+CARRIED = r"""(?s) 'sha256-[^']*'|(?<=id="player">).*?(?=</script>)|(?<=data-replay=")[^"]*"""
+"""What a report carries of the pages' player and of replays, packed: none of it is the report's own."""
 FORMATS = {"text": "txt", "md": "md", "csv": "csv", "json": "json", "html": "html"}
 COLUMNS = "100"
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
@@ -304,6 +306,7 @@ def report_in_every_format(here: Arena, same: Same, name: str, data: Path) -> No
         assert (done.returncode, done.stderr) == (0, "")
         text = plain(done.stdout, data)
         if form == "html":
+            text = re.sub(CARRIED, "", text)
             hashes.append(f"html {len(text)} {sha256(text.encode()).hexdigest()}\n")
         else:
             same(f"reports/{name}.{ending}", text)

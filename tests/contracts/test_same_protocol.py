@@ -48,6 +48,7 @@ from arena.protocol.signed import check_journal, check_receipt, commit, read_sta
 from arena.protocol.topics import (
     action,
     all_actions,
+    all_delayed,
     all_journals,
     all_observations,
     all_presence,
@@ -55,6 +56,7 @@ from arena.protocol.topics import (
     all_truths,
     beat,
     check_chunk,
+    delayed,
     is_chunk,
     join,
     journal,
@@ -142,8 +144,19 @@ def test_bytes_that_are_no_message_are_refused_in_the_words_of_before(same: Same
 
 
 def test_the_keys_of_the_network_are_those_of_before(same: Same) -> None:
-    seat_topics, match_topics = (observation, action), (public, truth, journal)
-    pit_topics = (join, lobby, beat, all_observations, all_actions, all_public, all_truths, all_journals, all_presence)
+    seat_topics, match_topics = (observation, action), (public, truth, journal, delayed)
+    pit_topics = (
+        join,
+        lobby,
+        beat,
+        all_observations,
+        all_actions,
+        all_public,
+        all_truths,
+        all_journals,
+        all_presence,
+        all_delayed,
+    )
     readers = (read_action, read_match, read_journal, read_presence)
     told = [topic("pit", 7, team) for topic in seat_topics for team in Team]
     told += [topic("pit", MATCH) for topic in match_topics]

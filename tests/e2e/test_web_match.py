@@ -120,6 +120,33 @@ def test_a_match_is_watched_with_the_key_and_without_and_replayed(
     assert match == find_journal(data, "eve").name
 
 
+def test_a_pit_that_shows_its_boards_late_shows_them_to_everyone_and_tells_its_entries(
+    start: Start, visit: Start, tmp_path: Path
+) -> None:
+    bot, go, pit_port, page_port = tmp_path / "slow.py", tmp_path / "go", free_port(), free_port()
+    bot.write_text(BOT.format(go=str(go)))
+    pit = ("serve", "--listen", f"tcp/127.0.0.1:{pit_port}", "--data", tmp_path / "pit", "--web", page_port, *RULES)
+    start(*pit, "--public-delay", 2).wait_for("arena: warning: everyone sees the board 2 ticks late").wait_for("web page at ")
+    address = f"arena://127.0.0.1:{pit_port}/pit"
+    seats = (("blue", "ann"), ("red", "bob"))
+    players = [start("join", address, "--team", team, "--policy", bot, "--name", name) for team, name in seats]
+    players[0].wait_for("this pit shows everyone the board, 2 ticks late")
+    match = players[0].wait_for("begun").said.partition("match ")[2].partition(":")[0]
+    watcher = start("watch", "--pit", address, "--match", match)
+
+    page = visit(f"http://127.0.0.1:{page_port}/match/{match}")
+    says(page, "This pit shows its boards to everyone, 2 ticks late.")
+    page.get_by_role("img", name="The truth at tick").first.wait_for()
+    watcher.wait_for("(as everyone is shown it, later)").wait_for("the truth")
+    lobby = visit(f"http://127.0.0.1:{page_port}/")
+    lobby.get_by_text("boards of running matches to everyone, 2 ticks late").wait_for()
+    go.touch()
+
+    says(page, "Every tick was played again and holds.")
+    assert [player.finish() for player in players] == [0, 0]
+    assert watcher.finish() == 0
+
+
 @pytest.fixture(scope="module")
 def played(shared: tuple[str, str, Path], shared_start: Start) -> tuple[str, Journal]:
     """Play a match; return where it is replayed, and its journal."""

@@ -25,7 +25,8 @@ from arena.policy import BatchFactory, Faults
 from arena.sandbox.limits import Limits
 from policies.bot_file import NO_BOT
 from policies.program import PREFIX as PROGRAM
-from policies.workers.policy import WorkerFactory, resolve
+from policies.workers.files import resolve
+from policies.workers.policy import WorkerFactory
 from tournaments.authoring.findings import Finding, Report, TurnTimes
 from tournaments.authoring.global_chance import find_global_chance
 from tournaments.running.preflight import PATIENCE_S

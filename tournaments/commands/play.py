@@ -89,12 +89,14 @@ def play(
     specs = _entries(one, other)
     seed = secrets.randbelow(2**53) if seed is None else seed
     first, second = specs
+    if is_stepped:
+        others = as_json or until_sure or any(option is not None for option in (pairs, turn_time, workers))
+        plan = plan_fixture("play", first, second, 1, secret_from_seed(seed))[0]
+        _step(ruleset, plan, specs, journals, sandbox=sandbox, others=others)
+        return
     pairs = pairs or (MOST_PAIRS if until_sure else 10)
     comparison = Comparison.begin(first, second, margin or MARGIN_ELO) if until_sure else None
     plans = plan_fixture("play", first, second, pairs, secret_from_seed(seed))
-    if is_stepped:
-        _step(ruleset, plans[0], specs, journals, sandbox=sandbox, others=as_json or turn_time is not None or workers is not None)
-        return
     feedback = Feedback(plans)
     with ExitStack() as fighters:
         with stdout_to_stderr():
@@ -210,7 +212,9 @@ def _step(
     from tournaments.authoring.stepping import step_through
 
     if others:
-        raise InputError("--step is for somebody who looks at one match: leave out --json, --turn-time and --workers")
+        raise InputError(
+            "--step is for somebody who looks at one match: leave out --pairs, --json, --until-sure, --turn-time and --workers"
+        )
     load = partial(load_apart if sandbox else load_entry, specs, cheats=True)
     with stdout_to_stderr():
         for name in specs:

@@ -37,6 +37,15 @@ def serve(
     db: Annotated[
         str, typer.Option(metavar="URL|FILE", help="The store of a ladder; arena.db in the data folder without it.")
     ] = "",
+    public_delay: Annotated[
+        int | None,
+        typer.Option(
+            metavar="TICKS",
+            min=1,
+            help="Show everyone the boards of running matches, so much later: flags and obstacles too, which a friend may tell a "
+            "team. Entries are told. Without it, nobody sees a board before its match is over.",
+        ),
+    ] = None,
     fsync: Annotated[bool, typer.Option("--fsync", help="Let every tick outlive a power cut, at its price.")] = False,
     invite: Annotated[Path | None, typer.Option(metavar="FILE", help="Let in only who has one of its codes, one a line.")] = None,
     certificate: Annotated[
@@ -74,12 +83,20 @@ def serve(
         raise InputError("--db is where a ladder is kept; give --ladder as well")
     if ladder_method and not ladder:
         raise InputError("--ladder-method is how a ladder rates; give --ladder as well")
+    if public_delay is not None and seed is not None:
+        raise InputError("--public-delay shows maps that --seed may bring again; give one of the two")
     if web is not None and no_web:
         raise InputError("--web and --no-web exclude each other")
     if web is not None:
         check()
     if seed is not None:
         say("arena: warning: anyone can try small seeds; strangers should not be seated under --seed", err=True)
+    if public_delay is not None:
+        say(
+            f"arena: warning: everyone sees the board {public_delay} ticks late: whoever has a friend who watches knows where "
+            "the flag and the obstacles are, and where units were",
+            err=True,
+        )
     open_ladder = find_ladder(ladder_method or DEFAULT) if ladder else None
     folder = data_folder(data)
     identity = load_or_make(folder / "keys" / "pit.key")
@@ -87,6 +104,7 @@ def serve(
         address=Address(endpoint=listen, pit=check_chunk("the pit's name", pit), fingerprint=identity.fingerprint),
         identity=identity,
         spectator_key=load_or_make_secret(folder / "keys" / "spectator.key"),
+        public_delay=public_delay or 0,
         register=Register(folder / "register.json", None if invite is None else read_invites(invite)),
         certificate=None if certificate is None else Certificate(certificate=certificate[0], key=certificate[1]),
         ruleset=load(rules).with_(parse_overrides(settings or [])),

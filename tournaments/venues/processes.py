@@ -33,7 +33,7 @@ from arena.pit.seating import PlannedSeating
 from arena.records.plan import MatchPlan
 from arena.sandbox.limits import NO_LIMITS
 from arena.sandbox.process import Sandbox, SandboxedProcess
-from policies.workers.policy import resolve
+from policies.workers.files import resolve
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.venues.setting import VenueSetting
 

@@ -9,6 +9,7 @@ export function show(main) {
   document.title = "Lobby - Arena";
   const state = h("p", { class: "state", role: "status" }, "Looking for the pit...");
   const rules = h("p");
+  const publicity = h("div");
   const running = h("div");
   const waiting = h("p");
   const over = h("div");
@@ -22,7 +23,7 @@ export function show(main) {
       h("div", {},
         h("h2", {}, "Join with a bot"), h("div", { class: "command" }, command, copier(command)),
         h("p", { class: "hint" }, "A bot is a fighter's name, or a file such as mybot.py. Or ", h("a", { href: "/play" }, "play yourself"), "."),
-        rules,
+        rules, publicity,
         h("h2", {}, "Open seats"), waiting,
         h("h2", {}, "Running matches"), running,
         h("h2", {}, "Latest results"), over, standings),
@@ -38,6 +39,7 @@ export function show(main) {
     if (answer.error) return;
     setText(command, `arena join ${answer.address} --team any --policy mybot.py`);
     fill(running, lobby?.running.length ? runningTable(lobby.running) : h("p", {}, lobby ? "None." : "Not known."));
+    fill(publicity, lobby?.public_delay ? formatPublicity(lobby.public_delay) : null);
     setText(waiting, lobby ? formatSeats(lobby) : "Not known.");
     fill(over, answer.results.length ? results(answer.results) : h("p", {}, "No match has ended since this page's server was started."));
     fill(standings, lobby?.standings?.length ? ladder(lobby.standings) : null);
@@ -46,6 +48,10 @@ export function show(main) {
   }
   refresh();
   setInterval(() => document.hidden || refresh(), EVERY_MS);
+}
+
+function formatPublicity(delay) {
+  return h("p", { class: "note" }, `This pit shows the boards of running matches to everyone, ${delay} ticks late. Flags and obstacles do not move: whoever plays here may know of them what their own units never saw.`);
 }
 
 function formatSeats(lobby) {

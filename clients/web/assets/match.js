@@ -47,7 +47,9 @@ class MatchPage extends MatchView {
       this.replay(this.player || this.ending ? MOST_TRIES : 1);
     } else if (kind === "rules") {
       this.rules = message.rules;
-      this.announce(spectatorKey.get() ? "The match runs; its boards come with the next tick." :
+      this.delay = spectatorKey.get() ? 0 : message.public_delay;
+      if (this.delay) this.announce(`The match runs. This pit shows its boards to everyone, ${this.delay} ticks late; they come with tick ${this.delay}.`);
+      else this.announce(spectatorKey.get() ? "The match runs; its boards come with the next tick." :
         "The match runs. Until it is over only holders of the spectator key see its boards; this page shows what everyone may know.");
     } else if (kind === "wrong key") {
       this.isKeyWrong = true;
@@ -56,11 +58,11 @@ class MatchPage extends MatchView {
       this.announce(`The pit is away: ${message.sentence}. Looking for it...`, true);
     } else if (kind === "public") {
       this.names = message.names ?? this.names;
-      this.showFacts(message, this.rules);
+      if (!this.delay || !this.player) this.showFacts(message, this.rules); // else they are of the board that is shown
     } else if (kind === "frame") {
       if (!this.player) this.makePlayer({ rules: this.rules, ticks: [], names: this.names, ending: null });
       this.player.add(message);
-      this.announce("The match runs, and this page sees it with the spectator key.");
+      this.announce(this.delay ? `The match runs. This pit shows its boards to everyone, ${this.delay} ticks late.` : "The match runs, and this page sees it with the spectator key.");
     } else if (kind === "ended") {
       this.ending = message.ending;
       this.announce(`Over: ${formatEnding(message.ending)}. Waiting for its journal...`);

@@ -87,11 +87,12 @@ class OfflinePit:
         n_matches: int | None = None,
         register: Register | None = None,
         spectator_key: bytes | None = None,
+        public_delay: int = 0,
     ) -> None:
         self.now_s, self.n_begun = 1_000.0, 0
         self.seating = seating or OpenSeating(self._plan, n_matches)
         self.register = register or Register(names={"owned": b"o" * 32})
-        context = PitContext(pit="pit", identity=PIT, spectator_key=spectator_key)
+        context = PitContext(pit="pit", identity=PIT, spectator_key=spectator_key, public_delay=public_delay)
         self.core = PitCore(context, ruleset, self.seating, time_control or TimeControl(), self.register)
         self.opening_s: Callable[[], float] = lambda: 0.0
         """What it takes to open the next request."""

@@ -458,6 +458,21 @@ def test_a_journal_is_given_once_it_is_whole(pit: OfflinePit) -> None:
     assert pit.replies[pit.ask_for_journal(match, offset=100)] == pit.journals[FIRST][100:]
 
 
+def test_boards_are_shown_to_everyone_only_where_no_map_is_played_again() -> None:
+    plans = [plan("league/0", "ann", "bob"), plan("league/1", "bob", "ann")]
+
+    with pytest.raises(ValueError, match="only where its map is never played again"):
+        OfflinePit(PlannedSeating(plans), public_delay=20)
+
+
+def test_entries_and_the_lobby_are_told_how_late_boards_are_shown_to_everyone() -> None:
+    pit = OfflinePit(public_delay=20)
+    ann, bob = begin(pit)
+
+    assert (ann.ticket.public_delay, bob.ticket.public_delay) == (20, 20)
+    assert pit.lobby().public_delay == 20
+
+
 def test_a_journal_is_given_when_its_whole_fixture_is_over_and_not_before() -> None:
     plans = [plan("league/0", "ann", "bob"), plan("league/1", "bob", "ann"), plan("league/2", "ann", "cid")]
     pit = OfflinePit(PlannedSeating(plans))

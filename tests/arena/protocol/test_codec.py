@@ -1,4 +1,4 @@
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, get_args
 
 import msgpack
@@ -72,6 +72,18 @@ def test_a_message_comes_back_as_it_was(message: Message) -> None:
 def test_a_ticket_carries_a_ruleset() -> None:
     assert decode(encode(TICKET)) == TICKET
     assert len(encode(TICKET)) < 1_000
+
+
+def test_a_field_that_came_later_is_left_out_at_its_default_and_else_refused_by_who_does_not_know_it() -> None:
+    delayed = replace(TICKET, public_delay=20)
+    bytes_of_before, bytes_of_now = msgpack.unpackb(encode(TICKET)), msgpack.unpackb(encode(delayed))
+
+    assert bytes_of_now == [*bytes_of_before, 20]
+    assert decode(encode(delayed)) == delayed
+    with pytest.raises(UnreadableError, match="Ticket has 11 fields, not 12"):
+        decode(msgpack.packb([*bytes_of_now, 1]))
+    with pytest.raises(UnreadableError, match="Ticket has 11 fields, not 9"):
+        decode(msgpack.packb(bytes_of_before[:-1]))
 
 
 def test_a_whole_number_will_do_for_seconds() -> None:
@@ -207,6 +219,7 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
         "JournalRequest",
         "JournalPiece",
         "Lobby",
+        "PastTruth",
     ]
     assert shape["JoinRequest"] == [
         "rules_version: int",
@@ -221,7 +234,7 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
     ]
     assert shape["AdminRequest"] == ["command: str", "target: str", *FILLED_IN]
     assert shape["Challenge"] == ["pit_key: bytes", "sealing_key: bytes", "number: bytes", "signature: bytes"]
-    assert shape["Ticket"][-2:] == ["secret: bytes", "commitment: bytes"]
+    assert shape["Ticket"][-3:] == ["secret: bytes", "commitment: bytes", "public_delay: int"]
     for name, only in (
         ("SealedRequest", ["sealed: bytes"]),
         ("SealedAnswer", ["sealed: bytes"]),

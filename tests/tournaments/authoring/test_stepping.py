@@ -89,4 +89,4 @@ def test_step_wants_a_terminal_and_one_match(here: Callable[..., subprocess.Comp
     done = here("play", "rush", "squad", "--step")
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
     assert "--step wants a terminal" in done.stderr
-    assert "leave out --json" in here("play", "rush", "squad", "--step", "--json").stderr
+    assert "leave out --pairs, --json" in here("play", "rush", "squad", "--step", "--json").stderr

@@ -1,0 +1,40 @@
+"""The files that a fighter's name names: found from any folder, and shown to it behind its wall."""
+
+import shlex
+from collections.abc import Iterable
+from pathlib import Path
+
+from platformdirs import user_data_path
+
+from arena.errors import InputError
+from arena.keyring.ring import config_folder
+from policies.program import PREFIX as PROGRAM
+from policies.registry import is_file_or_program
+
+
+def resolve(spec: str) -> tuple[str, list[Path]]:
+    """Return a fighter such that it is found from any folder, and the files that it names."""
+    if not spec.startswith(PROGRAM):
+        path = Path(spec).absolute()
+        return (str(path), [path]) if is_file_or_program(spec) and path.exists() else (spec, [])
+    try:
+        words = shlex.split(spec.removeprefix(PROGRAM))
+    except ValueError:
+        return spec, []  # whoever loads it says so
+    files = []
+    for number, word in enumerate(words):
+        path = Path(word).absolute()
+        if path.exists() and (word.startswith("/") or path.is_file()) and (number > 0 or "/" in word):
+            words[number] = str(path)
+            files.append(path)
+    return PROGRAM + shlex.join(words), files
+
+
+def check_readable(spec: str, files: Iterable[Path]) -> None:
+    """Refuse to show a stranger a folder that a wall is there to hide."""
+    hidden = [Path.home(), user_data_path("arena"), config_folder(), Path("/proc"), Path("/sys"), Path("/dev")]
+    for path in files:
+        if any(folder.resolve().is_relative_to(path.resolve()) for folder in hidden):
+            raise InputError(
+                f"{spec} names {path}, and behind its wall it would see all that is in there; name a folder of its own"
+            )
