@@ -5,7 +5,7 @@ import inspect
 import json
 import re
 from collections.abc import Collection, Iterator
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
@@ -18,7 +18,7 @@ from arena.game.observation_fields import GROUND_CODES
 from arena.game.ruleset import Ruleset, UnitType, load
 from arena.game.types import Action, Code, Team, Termination
 from arena.policy import MatchResult
-from arena.protocol.messages import PROTOCOL_VERSION, Message
+from arena.protocol.messages import LATER, PROTOCOL_VERSION, Message
 
 REFERENCE = Path(__file__).parent / "reference"
 Schema = dict[str, Any]
@@ -35,9 +35,9 @@ def pages() -> dict[str, str]:
 
 
 def notes(kind: type) -> dict[str, str]:
-    """Return what stands under each field of a dataclass, and the first line of each property and method."""
+    """Return what stands under each field of a dataclass, inherited ones too, and the first line of each property and method."""
     [body] = [node.body for node in ast.parse(inspect.getsource(kind).strip()).body if isinstance(node, ast.ClassDef)]
-    said: dict[str, str] = {}
+    said = notes(kind.__bases__[0]) if is_dataclass(kind.__bases__[0]) else {}
     for node, after in zip(body, [*body[1:], None], strict=True):
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
             text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else ""
@@ -57,7 +57,10 @@ def table(*columns: str, rows: Iterator[tuple[object, ...]]) -> Iterator[str]:
 
 def _fields_table(kind: type) -> Iterator[str]:
     said, hints = notes(kind), get_type_hints(kind)
-    rows = ((f"`{item.name}`", f"`{_type(hints[item.name])}`", said[item.name]) for item in fields(kind))
+    later = {item.name: f" Left out where it is {item.default!r}." for item in fields(kind) if item.metadata == LATER}
+    rows = (
+        (f"`{item.name}`", f"`{_type(hints[item.name])}`", said[item.name] + later.get(item.name, "")) for item in fields(kind)
+    )
     yield from table("field", "type", "meaning", rows=rows)
 
 

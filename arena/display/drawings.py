@@ -26,6 +26,8 @@ def mark_drawings(marks: Marks, drawings: Sequence[Mapping[str, Any]], grid: NDA
         colour = drawing["colour"]
         hex_colour = _COLOURS[colour]
         for row, column, shade in _shaded_cells(drawing, len(grid)):
+            if grid[row, column] not in (*_EMPTY, Code.OBSTACLE):  # units and flags keep the colours of their team
+                continue
             text, style = marks.get((row, column), ("", ""))
             marks[row, column] = text, f"{style} on {_darken(hex_colour, shade)}".strip()
         if "cell" in drawing:

@@ -133,9 +133,15 @@ def _unused() -> list[Path]:
 
 
 def _sorted(paths: Iterable[Path]) -> list[Path]:
-    """Return paths so that a folder comes before what is in it, each once, without what the system's folders hold."""
-    absolute = dict.fromkeys(path.absolute() for path in paths)
-    return [path for path in sorted(absolute) if not path.is_relative_to("/usr")]
+    """Return what has to be bound for some paths to be there, without what lies in the system's folders or in each other.
+
+    A link that lies in another of the paths is there already, and what it points to has to be.
+    """
+    absolute = {path.absolute() for path in paths}
+    absolute |= {path.resolve() for path in absolute if path.is_symlink() and not absolute.isdisjoint(path.parents)}
+    return sorted(
+        path for path in absolute if not path.is_relative_to("/usr") and absolute.isdisjoint(path.parents)
+    )  # fmt: skip
 
 
 def _path() -> str:

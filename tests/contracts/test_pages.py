@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +21,7 @@ NOT_RUN = {
     r"arena (serve|join|watch|web|leaderboard --ladder)": "waits for others on the network: tests/e2e/ runs them",
     r"arena train (?!figures)": "takes minutes: the notebook trains in small, tests/policies/training/ in every way",
     r"arena train figures": "draws the runs of hours: tests/policies/training/test_figures.py draws small ones",
+    r"arena check": "starts processes behind walls for half a minute: tests/tournaments/authoring/",
     r"arena debug .*--tick": "waits for somebody at a debugger: tests/e2e/test_debugging_at_a_terminal.py",
     r"arena play .*--step": "waits for somebody at a terminal: tests/e2e/test_stepping_at_a_terminal.py",
     r"arena play .*--sandbox": "needs bubblewrap: tests/arena/sandbox/",
@@ -31,8 +33,11 @@ NOT_RUN = {
     r"arena replay (show|verify) (TRANSCRIPT|JOURNAL|DATA)": "is of a match in a pit: tests/e2e/test_transcripts.py",
 }
 """Command lines of the arena that no page's test runs, and why; test_readme.py has the real parser read each."""
-FASTER = {r"arena tournament run friday.toml(?! --)": "--venue local"}
-"""What is added to a command line, so that it takes a second, and not the half minute of a match over the network with clocks."""
+FASTER = {
+    r"arena tournament run friday.toml(?! --)": "--venue local",  # not the half minute of processes with clocks
+    r"arena play .* --until-sure": "--pairs 5",
+}
+"""What is added to a command line, so that it takes a second."""
 NAMES = {name for name, page in PAGES.items() if any(step.code or step.line for step in steps(page))}
 BOTS = {name: code for name, code in FILES.items() if name.endswith(".py") and "def act(" in code}
 
@@ -48,7 +53,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     work = tmp_path / "work"
     home.mkdir()
     work.mkdir()
-    monkeypatch.setenv("HOME", str(home))
     monkeypatch.setenv("XDG_DATA_HOME", str(home))
     if shutil.which("node") is None:  # playwright brings one
         (tmp_path / "node").symlink_to(Path(playwright.__file__).parent / "driver" / "node")
@@ -71,6 +75,10 @@ def do(step: Step, here: Run) -> None:
         tomllib.loads(step.code or "")
     elif step.language == "json":
         json.loads(step.code or "")
+    elif step.line and step.line.startswith("pytest "):
+        command = [sys.executable, "-m", *step.line.split()]
+        tested = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+        assert tested.returncode == 0, tested.stdout + tested.stderr
     elif step.line and step.line.startswith("arena ") and reason_not_to_run(step.line) is None:
         added = [word for pattern, more in FASTER.items() if re.match(pattern, step.line) for word in more.split()]
         done = here(*words(step.line), *added)

@@ -6,7 +6,7 @@ key is another at each time, so the two such vectors are kept as long as they op
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -63,7 +63,7 @@ def make_messages() -> list[dict[str, Any]]:
         {
             "kind": kinds.index(type(one)),
             "name": type(one).__name__,
-            "fields": plain(list(asdict(one).values())),
+            "fields": plain(msgpack.unpackb(encode(one))[2:]),
             "bytes": encode(one).hex(),
         }
         for one in sorted(every, key=lambda one: kinds.index(type(one)))
@@ -75,7 +75,7 @@ def make_topics() -> dict[str, str]:
     for team in Team:
         for name in ("observation", "action"):
             keys[f"{name} of {team.name.lower()}"] = getattr(topics, name)("pit", LANE, team)
-    keys |= {name: getattr(topics, name)("pit", MATCH) for name in ("public", "truth", "journal")}
+    keys |= {name: getattr(topics, name)("pit", MATCH) for name in ("public", "truth", "delayed", "journal")}
     return keys | {"presence": topics.presence("pit", "ann", "c-1")}
 
 

@@ -172,7 +172,7 @@ def test_a_page_has_no_fault_that_axe_finds_and_fits(
     page.get_by_text(text).first.wait_for()
     if name == "in a match":
         page.get_by_role("button", name=text).click()
-        page.locator("canvas").wait_for()
+        page.locator("canvas").first.wait_for()
 
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 900})

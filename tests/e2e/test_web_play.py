@@ -128,6 +128,11 @@ def test_two_browsers_play_each_other(home: str, visit: Start) -> None:
     assert "against kim" in (blue.locator(".score").text_content() or "")
     assert "against eve" in (red.locator(".score").text_content() or "")
 
+    boxes = [red.locator(part).bounding_box() for part in ("figure > canvas", ".orders .pad")]
+    (board, orders) = [box for box in boxes if box is not None]
+    assert 0 <= board["y"] < orders["y"] < orders["y"] + orders["height"] <= 900, "a telephone scrolls between board and orders"
+    red.locator(".legend li", has_text="where it can go now").wait_for()
+
     for tick in range(1, 8):
         blue.keyboard.press("ArrowRight" if tick == 1 else "Enter")
         says(blue, "The others move") if tick == 1 else None

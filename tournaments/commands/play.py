@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from contextlib import ExitStack
 
     from arena.game.ruleset import Ruleset
-    from arena.local.venue import MatchRecord, News, OnNews
+    from arena.local.venue import Load, MatchRecord, News, OnNews
     from arena.records.plan import MatchPlan
     from tournaments.authoring.feedback import Feedback
     from tournaments.fixture import Tally
@@ -41,6 +41,9 @@ def play(
     board: Annotated[Path | None, typer.Option(metavar="FILE", help="Play on this board, drawn as text.")] = None,
     seed: Annotated[int | None, typer.Option(help="Makes the matches reproducible; a fresh one without it.")] = None,
     journals: Annotated[Path | None, typer.Option(metavar="DIR", help="Keep each match's journal here.")] = None,
+    transcripts: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Keep what each seat saw, ordered, logged and drew here.")
+    ] = None,
     sandbox: Annotated[
         bool, typer.Option("--sandbox", help="Let bot files, programs and checkpoints see nothing of this machine.")
     ] = False,
@@ -92,7 +95,7 @@ def play(
     if is_stepped:
         others = as_json or until_sure or any(option is not None for option in (pairs, turn_time, workers))
         plan = plan_fixture("play", first, second, 1, secret_from_seed(seed))[0]
-        _step(ruleset, plan, specs, journals, sandbox=sandbox, others=others)
+        _step(ruleset, plan, specs, journals, transcripts, sandbox=sandbox, others=others)
         return
     pairs = pairs or (MOST_PAIRS if until_sure else 10)
     comparison = Comparison.begin(first, second, margin or MARGIN_ELO) if until_sure else None
@@ -101,7 +104,11 @@ def play(
     with ExitStack() as fighters:
         with stdout_to_stderr():
             if turn_time is None:
-                play_matches = _without_clock(specs, bank, sandbox=sandbox, workers=workers)
+                play_matches = _without_clock(specs, bank, transcripts, sandbox=sandbox, workers=workers)
+            elif transcripts is not None:
+                raise InputError(
+                    "--transcripts are kept where no clock runs; leave out --turn-time, or join a pit, which keeps them"
+                )
             else:
                 play_matches = _on_the_clock(specs, turn_time, bank, fighters, sandbox=sandbox, workers=workers)
             compile_kernels([*game_kernels(ruleset), *fighter_kernels(specs.values())])
@@ -141,22 +148,36 @@ def play(
             say_lines(faults.first_traceback, err=True)
 
 
-def _without_clock(specs: dict[str, str], bank: float | None, *, sandbox: bool, workers: int | None) -> "PlayMatches":
+def _without_clock(
+    specs: dict[str, str], bank: float | None, transcripts: Path | None, *, sandbox: bool, workers: int | None
+) -> "PlayMatches":
     """Return what plays in this process and its workers."""
     from arena.local.venue import play as play_locally
-    from policies.registry import is_file_or_program, load_entry
-    from policies.workers.load import load_apart
+    from policies.registry import is_file_or_program
 
     if bank is not None:
         raise InputError("--bank is extra time for turns; give a turn its time by --turn-time")
-    load = partial(load_apart if sandbox else load_entry, specs, cheats=True)
-    for name in specs:
-        load(name)
+    load = _loader(specs, transcripts, sandbox=sandbox)
     if sandbox and workers is None and any(map(is_file_or_program, specs.values())):
         workers = 1  # their own processes think side by side already
     return lambda ruleset, plans, journals, on_news: play_locally(
         ruleset, plans, load, journals=journals, n_workers=workers, on_news=on_news
     )
+
+
+def _loader(specs: dict[str, str], transcripts: Path | None, *, sandbox: bool) -> "Load":
+    """Return what loads the fighters by the names of their entries; each has been loaded once."""
+    from policies.registry import load_entry
+    from policies.workers.load import load_apart
+    from tournaments.authoring.transcripts import load_transcribed, make_folder
+
+    load = partial(load_apart if sandbox else load_entry, specs, cheats=True)
+    for name in specs:
+        load(name)
+    if transcripts is None:
+        return load
+    make_folder(transcripts)
+    return partial(load_transcribed, load, dict(zip(specs, reversed(specs), strict=True)), transcripts)
 
 
 def _on_the_clock(
@@ -201,24 +222,27 @@ def _on_the_clock(
 
 
 def _step(
-    ruleset: "Ruleset", plan: "MatchPlan", specs: dict[str, str], journals: Path | None, *, sandbox: bool, others: bool
+    ruleset: "Ruleset",
+    plan: "MatchPlan",
+    specs: dict[str, str],
+    journals: Path | None,
+    transcripts: Path | None,
+    *,
+    sandbox: bool,
+    others: bool,
 ) -> None:
     """Play one match as somebody looks at it, from A's side."""
     from arena.compiling import compile_kernels, game_kernels
     from arena.game.types import Team
     from policies.precompile import fighter_kernels
-    from policies.registry import load_entry
-    from policies.workers.load import load_apart
     from tournaments.authoring.stepping import step_through
 
     if others:
         raise InputError(
             "--step is for somebody who looks at one match: leave out --pairs, --json, --until-sure, --turn-time and --workers"
         )
-    load = partial(load_apart if sandbox else load_entry, specs, cheats=True)
     with stdout_to_stderr():
-        for name in specs:
-            load(name)
+        load = _loader(specs, transcripts, sandbox=sandbox)
         compile_kernels([*game_kernels(ruleset), *fighter_kernels(specs.values())])
     step_through(ruleset, plan, load, Team.BLUE if plan.blue == next(iter(specs)) else Team.RED, journals=journals)
 

@@ -84,6 +84,7 @@ export class Board {
     for (const drawing of scene.drawings ?? []) this.drawDrawing(drawing);
     for (const trail of scene.trails ?? []) this.drawTrail(trail);
     for (const route of scene.routes ?? []) this.drawRoute(route);
+    for (const step of scene.steps ?? []) this.drawStep(step);
     for (let cell = 0; cell < scene.grid.length; cell++) this.drawThing(cell, scene.grid[cell]);
     for (const mark of scene.marks ?? []) this.drawMark(mark);
     for (const { cell, text } of scene.drawings ?? []) if (text) this.writeOver(text, (cell[1] + 0.5) * size, (cell[0] + 0.5) * size);
@@ -175,6 +176,16 @@ export class Board {
     pen.setLineDash([size * 0.25, size * 0.18]);
     this.outline(within(reach));
     pen.setLineDash([]);
+  }
+
+  /** A ring in a cell to which a unit can go. */
+  drawStep([row, column]) {
+    const { pen, size, colour } = this;
+    pen.strokeStyle = colour.mark;
+    pen.lineWidth = Math.max(1.5, size * 0.09);
+    pen.beginPath();
+    pen.arc((column + 0.5) * size, (row + 0.5) * size, size * 0.2, 0, 2 * Math.PI);
+    pen.stroke();
   }
 
   drawSight({ cells, team }) {

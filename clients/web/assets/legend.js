@@ -12,14 +12,28 @@ const SIGNS = [
 ];
 const BOT_SIGN = ["drawn by the bot", { grid: GROUND, drawings: [{ cell: [0, 0], colour: "yellow" }] }];
 
+/** What a board shows to a person who plays: what is lit is of the unit that is chosen. */
+export const PLAY_SIGNS = [
+  ["chosen", { grid: GROUND, selected: [0, 0] }], ["in its sight", { grid: GROUND, discs: [{ cell: [0, 0], sight: 0, reach: -1 }] }],
+  ["where it hits", { grid: GROUND, discs: [{ cell: [0, 0], sight: 0, reach: 0 }] }], ["where it is sent", { grid: GROUND, routes: [[[0, -0.5], [0, 0]]] }],
+  ["where it can go now", { grid: GROUND, steps: [[0, 0]] }], ["flag", { grid: CODE.redFlag }], ["obstacle", { grid: CODE.obstacle }],
+  ["remembered", { grid: "?", known: GROUND }], ["never seen", { grid: "?" }],
+];
+
+/** A list of signs, each as [meaning, the scene of one cell]. */
+export function listSigns(signs) {
+  return h("ul", { class: "legend" }, signs.map(([meaning, scene]) => {
+    const board = new Board({ side: 1 }, "");
+    board.canvas.setAttribute("aria-hidden", "true");
+    board.show(scene);
+    return h("li", {}, board.canvas, meaning);
+  }));
+}
+
 export class Legend {
   constructor(isOfBot) {
-    this.element = h("ul", { class: "legend" }, [...SIGNS, ...(isOfBot ? [BOT_SIGN] : [])].map(([meaning, scene]) => {
-      const board = new Board({ side: 1 }, "");
-      board.canvas.setAttribute("aria-hidden", "true");
-      board.show(scene);
-      return h("li", {}, board.canvas, meaning);
-    }), h("li", {}, "Capitals are blue's, small letters red's. Point at a unit for its sight and its reach."));
+    this.element = listSigns([...SIGNS, ...(isOfBot ? [BOT_SIGN] : [])]);
+    this.element.append(h("li", {}, "Capitals are blue's, small letters red's. Point at a unit for its sight and its reach."));
   }
 }
 

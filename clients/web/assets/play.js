@@ -1,5 +1,6 @@
 // Play: a seat for a person. The fogged board, the units with their standing orders, and what each may do now.
 import { Board, CODE, TEAMS } from "./board.js";
+import { PLAY_SIGNS, listSigns } from "./legend.js";
 import { ask, connect, fill, h, route, setText, signed, words } from "./dom.js";
 
 const AGAIN_MS = 1000;
@@ -144,9 +145,9 @@ class PlayPage {
     });
     this.stage.replaceChildren(h("div", { class: "score" }, this.who, this.facts), this.after,
       h("div", { class: "controls clock" }, this.time, this.alarm, (this.end = h("button", { type: "button", class: "main", onclick: () => this.setText({ do: "end" }) }, "End turn (Enter)"))),
-      h("div", { class: "desk" }, h("figure", {}, this.board.canvas, this.sights), h("div", { class: "panel" },
+      h("div", { class: "desk" }, h("figure", {}, this.board.canvas, this.sights, listSigns(PLAY_SIGNS)),
+        h("div", { class: "orders" }, h("h2", {}, "Orders for the chosen unit"), this.options), h("div", { class: "panel" },
         h("h2", {}, "Units"), this.units,
-        h("h2", {}, "Orders for the chosen unit"), this.options,
         h("div", { class: "controls" }, h("label", { for: "pilot" }, "Units without orders follow"), this.pilot),
         h("div", { class: "controls" }, this.memory, h("label", { for: "memory" }, "Show remembered ground")),
         h("p", { class: "hint" }, "Click a unit to choose it, then a cell to send it there. Keys: ",
@@ -168,6 +169,7 @@ class PlayPage {
       discs: chosen ? [{ cell: chosen.cell, sight: chosen.sight, reach: chosen.reach }] : [],
       routes: chosen?.route.length ? [[chosen.cell, ...chosen.route]] : [],
       numbers: units.flatMap((unit, index) => (unit.alive ? [{ cell: unit.cell, text: `${index}` }] : [])),
+      steps: this.data.is_my_turn ? picture.options.flatMap(({ to, is_open: isOpen, name }) => (isOpen && name !== "stay" ? [to] : [])) : [],
       selected: chosen?.cell,
     });
     this.board.label(`The board at tick ${picture.tick} as ${own} sees it`);

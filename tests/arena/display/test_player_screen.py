@@ -133,7 +133,7 @@ def test_a_log_that_is_too_long_says_how_much_is_left_out() -> None:
 
 def test_drawings_stand_on_what_the_fighter_saw_alone_and_are_switched_off() -> None:
     drawings = [
-        {"heat": bytes([0, 255] + [0] * 34), "colour": "blue"},
+        {"heat": bytes([255, 0, 255] + [0] * 33), "colour": "blue"},
         {"cell": [2, 3], "colour": "yellow", "text": "go"},
         {"path": [[3, 0], [3, 1], [0, 0]], "colour": "red"},
     ]

@@ -87,6 +87,23 @@ def test_a_file_that_it_needs_is_there_and_its_neighbours_are_not(tmp_path: Path
     assert (tmp_path / "bot.py").read_text() == "1"
 
 
+def test_a_link_is_there_with_what_it_points_to_and_nothing_beside_that(tmp_path: Path) -> None:
+    folder, elsewhere = tmp_path / "folder", tmp_path / "elsewhere"
+    folder.mkdir()
+    elsewhere.mkdir()
+    (elsewhere / "program").write_text(SECRET)
+    (elsewhere / "neighbour").write_text(SECRET)
+    (folder / "link").symlink_to(elsewhere / "program")
+    (tmp_path / "alone").symlink_to(elsewhere / "program")
+    code = f"import os; print(open({str(folder / 'link')!r}).read() == open({str(tmp_path / 'alone')!r}).read(), "
+    code += f"os.listdir({str(elsewhere)!r}))"
+    readable = (folder, folder / "link", tmp_path / "alone")
+
+    ended, said, _ = run(code, Sandbox(has_wall=True, limits=BEHIND_A_WALL, readable=readable))
+
+    assert (ended, said) == (0, "True ['program']\n")
+
+
 @pytest.mark.parametrize(
     "path", ["/usr/x", "/etc/x", "/x", "/dev/x", "/proc/sys/kernel/core_pattern", "/proc/self/oom_score_adj", bubblewrap.__file__]
 )

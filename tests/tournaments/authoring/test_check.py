@@ -17,6 +17,8 @@ from tournaments.authoring.global_chance import find_global_chance
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
 Examine = Callable[..., Report]
+PATIENT = TimeControl(turn_time_s=60.0)
+"""Where a busy machine is not to be told of."""
 SMALL = load("paper").with_({"side": 10, "tick_limit": 12})
 GOOD = "def act(observation):\n    return [1 + (observation.tick + unit.index) % 4 for unit in observation.units]\n"
 SEVERAL_FAULTS = """
@@ -58,7 +60,7 @@ def sentences(report: Report) -> dict[str, str]:
 def test_a_good_bot_is_accepted_and_its_figures_are_told(examine: Examine) -> None:
     n_played: list[int] = []
 
-    report = examine(GOOD, advance=n_played.append)
+    report = examine(GOOD, advance=n_played.append, time_control=PATIENT)
 
     assert (report.is_accepted, report.findings, sum(n_played)) == (True, (), 4)
     assert report.wins + report.draws + report.losses == len(report.matches) == 2
@@ -97,12 +99,12 @@ def test_a_bot_that_remembers_earlier_matches_plays_otherwise_without_them(exami
 def test_an_endless_loop_is_found_and_the_check_ends(examine: Examine) -> None:
     loops = "def act(observation):\n    while observation.tick == 3:\n        pass\n    return [0] * len(observation.units)\n"
 
-    report = examine(loops, time_control=TimeControl(turn_time_s=0.5, bank_s=0.5))
+    report = examine(loops, time_control=TimeControl(turn_time_s=1.5, bank_s=0.5))
 
     assert not report.is_accepted
     told = sentences(report)["process"]
     assert told.startswith(
-        "tick 3 of match 1, blue against random: no answer within 0.5 s or the 0.5 s of extra time; it stood at"
+        "tick 3 of match 1, blue against random: no answer within 1.5 s or the 0.5 s of extra time; it stood at"
     )
     assert "line 3 in act" in told or "line 2 in act" in told
 
