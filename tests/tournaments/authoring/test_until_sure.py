@@ -139,7 +139,7 @@ def test_two_files_of_one_name_are_told_apart(here: Run, tmp_path: Path) -> None
     for path in (tmp_path / "mybot.py", tmp_path / "old" / "mybot.py"):
         path.write_text("def act(observation):\n    return [2 for _ in observation.units]\n")
     bots = tmp_path / "mybot.py", tmp_path / "old" / "mybot.py"
-    done = here("play", *bots, "--until-sure", "--pairs", 2, "--workers", 1, "--set", "tick_limit=2")
+    done = here("play", *bots, "--until-sure", "--pairs", 2, "--seed", 1, "--workers", 1, "--set", "tick_limit=2")
     said = done.stdout.splitlines()
 
     assert said[-2] == f"mybot-2 is {tmp_path / 'old' / 'mybot.py'}"
