@@ -77,8 +77,8 @@ def play(
     import secrets
     from contextlib import ExitStack
 
+    from arena.bot_calls.marked_output import marked_prints
     from arena.compiling import compile_kernels, game_kernels
-    from arena.current_call import marked_prints
     from arena.game.keys import secret_from_seed
     from policies.precompile import fighter_kernels
     from tournaments.authoring.feedback import Feedback
