@@ -17,11 +17,12 @@ from arena.errors import ArenaError
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
+    from multiprocessing.synchronize import Lock
 
 R = TypeVar("R")
 _LAST_MESSAGES_S = 1.0
-_to_parent: "Connection | None" = None
-"""Of a worker, for messages to its parent."""
+_to_parent: "tuple[Connection, Lock] | None" = None
+"""Of a worker: for messages to its parent, and held while one is sent, for workers share the pipe."""
 
 
 def work(
@@ -45,7 +46,7 @@ def work(
     receiver, sender = context.Pipe(duplex=False)
     listener = threading.Thread(target=_listen, args=(receiver, on_message), daemon=True)
     with TemporaryDirectory(prefix="arena-", ignore_cleanup_errors=True) as folder:
-        pool = ProcessPoolExecutor(n_workers, mp_context=context, initializer=_begin, initargs=(folder, sender))
+        pool = ProcessPoolExecutor(n_workers, mp_context=context, initializer=_begin, initargs=(folder, sender, context.Lock()))
         try:
             with _interrupts_blocked():
                 running = [pool.submit(job) for job in jobs]
@@ -70,9 +71,11 @@ def work(
 
 
 def send_to_parent(message: tuple[Any, ...]) -> None:
-    """Send a short message to the process that started this worker."""
+    """Send a message to the process that started this worker."""
     if _to_parent is not None:
-        _to_parent.send(message)  # in one piece, as long as that is short: workers share the pipe
+        sender, lock = _to_parent
+        with lock:
+            sender.send(message)
 
 
 def _listen(receiver: "Connection", on_message: Callable[[tuple[Any, ...]], None] | None) -> None:
@@ -93,10 +96,10 @@ def _interrupts_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin(folder: str, sender: "Connection") -> None:
+def _begin(folder: str, sender: "Connection", lock: "Lock") -> None:
     """Prepare a worker: what fighters print goes to stderr, it shares their stacks, and its parent's death is its own."""
     global _to_parent  # noqa: PLW0603 - of this process
-    _to_parent = sender
+    _to_parent = sender, lock
     os.dup2(2, 1)
     mark_prints()
     share_stack(folder)
