@@ -64,7 +64,7 @@ def tally(one: str, other: str, records: Iterable[MatchRecord]) -> Tally:
     sides: Counter[Team] = Counter()
     for record in sorted(records, key=lambda record: record.plan.identity):
         plan, result = record.plan, record.result
-        own = Team.BLUE if plan.blue == one else Team.RED
+        own = plan.team(one)
         won = result.points(own)
         per_pair[plan.keys.map_key] = per_pair.get(plan.keys.map_key, 0.0) + won / 2
         points["win" if won == 1 else "loss" if won == 0 else "draw"] += 1

@@ -19,7 +19,7 @@ from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
-from arena.local.saving import make_folder, save
+from arena.local.saving import make_journals_folder, save
 from arena.local.workers import send_to_parent, work
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.records.journal import Header, Mark, write_ending, write_start
@@ -56,6 +56,10 @@ class MatchRecord:
     """Turns of each team with an answer that was not one action per unit, as the journal marks them."""
     journal: bytes | None
     """The canonical journal, unless it was written to a folder."""
+
+    def points(self, entry: str) -> float:
+        """Return what the match is worth to one of its two entries: 1 for a win, 0.5 for a draw, 0 for a loss."""
+        return self.result.points(self.plan.team(entry))
 
 
 class News(NamedTuple):
@@ -98,7 +102,7 @@ def play(
         A worker died.
     """
     if journals is not None:
-        make_folder(journals)
+        make_journals_folder(journals)
     n_workers = n_workers or len(os.sched_getaffinity(0))
     tasks = split(plans, n_workers)
     n_workers = min(n_workers, len(tasks))

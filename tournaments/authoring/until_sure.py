@@ -10,7 +10,6 @@ from math import exp
 from statistics import NormalDist, fmean, stdev
 from typing import Any
 
-from arena.game.types import Team
 from arena.local.venue import MatchRecord
 from arena.records.plan import MatchPlan
 from tournaments.ratings.sprt import Sprt, Verdict
@@ -144,16 +143,10 @@ def play_until_sure(
     while not now.is_decided and (batch := next_batch(plans, records)):
         records.update((record.plan.identity, record) for record in play(batch))
         new = [records[plan.identity] for plan in batch]
-        now = now.add(
-            [_points(now.first, one) + _points(now.first, other) for one, other in zip(new[::2], new[1::2], strict=True)]
-        )
+        now = now.add([one.points(now.first) + other.points(now.first) for one, other in zip(new[::2], new[1::2], strict=True)])
         if not now.is_decided:
             say(now.progress())
     return now, [records[plan.identity] for plan in plans[: 2 * len(now.scores)]]
-
-
-def _points(name: str, record: MatchRecord) -> float:
-    return record.result.points(Team.BLUE if record.plan.blue == name else Team.RED)
 
 
 def _pairs(scores: Sequence[float]) -> str:
