@@ -3,6 +3,8 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from tournaments.authoring.turn_times import TurnTimes
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
@@ -23,13 +25,10 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TurnTimes:
-    """How long a bot took for its turns, as its client measures it, in milliseconds."""
+class AllTurnTimes(TurnTimes):
+    """How long all turns of a check took, as a client measures it."""
 
     n_turns: int
-    median_ms: float
-    p99_ms: float
-    worst_ms: float
     worst_at: str
     """As in "tick 17 of match 3, red against rush"."""
 
@@ -52,7 +51,7 @@ class Report:
     wins: int = 0
     draws: int = 0
     losses: int = 0
-    times: TurnTimes | None = None
+    times: AllTurnTimes | None = None
     memory_bytes: int | None = None
     """Of one process that played all matches, after the last; None where the system does not tell."""
     growth_bytes: int | None = None

@@ -15,7 +15,7 @@ from arena.display.terminal_replay import has_keys, play_with_keys
 from arena.errors import InputError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
-from arena.local.saving import make_folder, save
+from arena.local.saving import make_journals_folder, save
 from arena.local.venue import Batch, Load, MatchRecord
 from arena.records.journal import Mark
 from arena.records.plan import MatchPlan
@@ -71,7 +71,7 @@ def step_through(ruleset: Ruleset, plan: MatchPlan, load: Load, team: Team, *, j
     if not has_keys(Console()):
         raise InputError("--step wants a terminal; leave it out, or keep --journals and look at them with `arena replay show`")
     if journals is not None:
-        make_folder(journals)
+        make_journals_folder(journals)
     with output_kept_aside() as kept:
         match = SteppedPlay(ruleset, plan, load, team, kept.take)
         recording = Recording(match.scenes())
