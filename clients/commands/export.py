@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from arena.console import say
+from arena.console import quantity, say
 from arena.errors import InputError
 
 _FORMS = ("gif", "png", "html")
@@ -46,7 +46,7 @@ def export_match(
         compile_rules()
     target = out or Path(file.with_suffix(f".{form}").name)
     n_ticks = _write_page(file, target) if form == "html" else _draw(file, target, form, tick, team, cell, speed)
-    say(f"{target}: {'1 tick' if n_ticks == 1 else f'{n_ticks} ticks'}, {target.stat().st_size / 1000:,.0f} kB")
+    say(f"{target}: {quantity(n_ticks, 'tick')}, {target.stat().st_size / 1000:,.0f} kB")
 
 
 def _choose_form(out: Path | None, **flags: bool) -> str:

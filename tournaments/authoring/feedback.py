@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any
 
-from arena.console import say
+from arena.console import quantity, say
 from arena.game.types import Team, Termination
 from arena.local.venue import MatchRecord, News
 from arena.policy import MatchResult
@@ -79,8 +79,8 @@ class Feedback:
         lines = []
         for (entry, kind), reason in self._reasons.items():
             what = _WHEN_AND_WHAT_THEN.sub("", reason.sentence)
-            turns = "" if kind == _FORFEIT else f"{_number(reason.n_turns, 'turn')} in "
-            lines.append(f"{entry}: {what}: {turns}{_number(reason.n_matches, 'match', 'matches')}")
+            turns = "" if kind == _FORFEIT else f"{quantity(reason.n_turns, 'turn')} in "
+            lines.append(f"{entry}: {what}: {turns}{quantity(reason.n_matches, 'match', 'matches')}")
         return lines
 
     def facts(self, entry: str) -> list[dict[str, Any]]:
@@ -106,7 +106,7 @@ class Feedback:
         for identity, result in results.items():
             won["" if result.winner is None else self._plans[identity].entry(result.winner)] += 1
         return (
-            f"stopped after {len(results)} of {_number(len(self._plans), 'match', 'matches')}: "
+            f"stopped after {len(results)} of {quantity(len(self._plans), 'match', 'matches')}: "
             f"{one} won {won[one]}, {other} won {won[other]}, {won['']} drawn"
         )
 
@@ -115,7 +115,3 @@ class Feedback:
         if (entry, kind) not in self._reasons:
             self._reasons[entry, kind] = _Reason(match=plan.identity, team=team, sentence=sentence)
             say(f"{entry}, match {plan.identity} as {team.name.lower()}: {sentence}", err=True)
-
-
-def _number(n: int, one: str, more: str = "") -> str:
-    return f"{n:,} {one if n == 1 else more or f'{one}s'}"

@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from arena.console import quantity
 from tournaments.authoring.turn_times import TurnTimes
 
 
@@ -76,7 +77,7 @@ class Report:
             else f"played WITHOUT a wall, which a league would build, because {self.no_wall}"
         )
         if self.matches:
-            n_matches = f"{len(self.matches)} match{'es' if len(self.matches) > 1 else ''}"
+            n_matches = quantity(len(self.matches), "match", "matches")
             against = f"under {self.rules} against {', '.join(self.opponents)}"
             lines.append(f"{n_matches} {against}: {self.wins} won, {self.draws} drawn, {self.losses} lost")
         if self.times is not None:
