@@ -25,7 +25,7 @@ from functools import cache
 from pathlib import Path
 from typing import IO, Any
 
-from arena import current_call
+from arena.bot_calls import stacks
 from arena.console import clean
 from arena.errors import PolicyError
 from arena.game.observation import EnemyUnit, Observation, OwnUnit
@@ -36,7 +36,7 @@ from policies.each_seat import BotError, MakeBot
 logger = logging.getLogger(__name__)
 PREFIX = "exec:"
 """Stands before a program's command line where a fighter is named."""
-current_call.OURS.add(__file__)  # it waits for its program
+stacks.OURS.add(__file__)  # it waits for its program
 MOST_LINE_BYTES = 1 << 16
 MOST_SKIPPED = 100
 """Lines that are not JSON, before one answer."""

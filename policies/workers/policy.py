@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.annotations import read_annotations
-from arena.current_call import START, Place
+from arena.bot_calls.current import START, Place
 from arena.errors import PolicyError, UnreadableError
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, rules_values

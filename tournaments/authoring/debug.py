@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from arena.annotations import Annotations
 from arena.console import say, say_lines
-from arena.display.text import name_order, name_unit
+from arena.display.words import name_order, name_unit
 from arena.errors import ArenaError, InputError
 from arena.policy import BatchPolicy, Faults, MatchInfo, explain_refusal, read_actions
 from arena.records.journal import Mark
