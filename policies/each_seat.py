@@ -34,7 +34,7 @@ class BotError(Exception):
 class EachSeat(BatchPolicy):
     """One bot per seat and match. What a bot raises, or gives instead of orders, costs its own seat alone.
 
-    `sys.exit` counts as raising: a bot may end its own thinking, not the match.
+    All but Ctrl-C counts as raising, `sys.exit` too: a bot may end its own thinking, not the match.
     """
 
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, make: MakeBot) -> None:
@@ -114,7 +114,7 @@ class EachSeat(BatchPolicy):
         except KeyboardInterrupt as error:
             stacks.add_stack(error)
             raise
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's code may raise anything
+        except BaseException as error:  # noqa: BLE001 - a stranger's code may raise anything
             faults = self._faults[seat]
             faults.raised += 1
             faults.note(*describe_error(error, tick))
@@ -151,7 +151,7 @@ def describe_error(error: BaseException, tick: int) -> tuple[str, str]:
     if isinstance(error, BotError):
         return type(error).__name__, f"{when}{error}; all its units stay"
     what = " ".join(traceback.format_exception_only(error)[-1].split())[:_MOST_WORDS_LETTERS]
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename not in _OURS]
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename not in current_call.OURS]
     where = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
     return f"{type(error).__name__}{where}", f"{when}{what}{where}; all its units stay"
 

@@ -323,6 +323,22 @@ def test_what_a_bot_raises_is_told_with_its_line(start: Start, board: BatchedGam
     assert 'bot.py", line 2, in act' in (policy.take_faults(0).first_traceback or "")
 
 
+def test_it_is_known_how_many_matches_can_begin_without_waiting_for_a_process(start: Start) -> None:
+    policy = start(NOTES, n_spare=2)
+    factory = policy._factory
+    ready = [factory.count_ready()]  # one plays
+
+    policy.end(0, OVER)
+    ready.append(factory.count_ready())  # the next has hardly begun to load
+    factory.wait([], lambda: factory.count_ready() == 2)
+    factory._spare[0].kill()
+    ready.append(factory.count_ready())  # of one that cannot, it is told in the match
+    policy.start(np.arange(1))
+
+    assert ready == [1, 1, 2]
+    assert [worker.failure for worker in factory._spare] == [None]
+
+
 def test_faults_can_be_asked_for_after_the_match(start: Start, board: BatchedGame) -> None:
     policy = start("def act(seen):\n    return 1 / 0\n")
     act(policy, board)
