@@ -151,7 +151,7 @@ def describe_error(error: BaseException, tick: int) -> tuple[str, str]:
     if isinstance(error, BotError):
         return type(error).__name__, f"{when}{error}; all its units stay"
     what = " ".join(traceback.format_exception_only(error)[-1].split())[:_MOST_WORDS_LETTERS]
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename not in current_call.OURS]
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename not in stacks.OURS]
     where = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
     return f"{type(error).__name__}{where}", f"{when}{what}{where}; all its units stay"
 
