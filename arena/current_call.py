@@ -62,6 +62,8 @@ _asked: tuple[Place, int] | None = None
 """The bot that is asked now, and at which tick."""
 _shared: mmap | None = None
 """The same, where another process can read it."""
+_folder: Path | None = None
+"""Where that one looks."""
 
 
 def begin(place: Place, tick: int) -> None:
@@ -122,8 +124,9 @@ def _line(file: str, number: int, function: str) -> str:
 
 def be_watched(folder: str) -> None:
     """Let another process see, by files in a folder, where the bots of this one are; its main thread asks them."""
-    global _shared  # noqa: PLW0603 - the place of a process
-    path = Path(folder) / str(os.getpid())
+    global _folder, _shared  # noqa: PLW0603 - the place of a process
+    _folder = Path(folder)
+    path = _folder / str(os.getpid())
     path.write_bytes(_TICK.pack(_NOT_ASKED).ljust(_MOST_BYTES, b"\0"))
     with path.open("r+b") as file:
         _shared = mmap(file.fileno(), _MOST_BYTES)
@@ -141,6 +144,25 @@ def look(folder: str, pids: Iterable[int]) -> Iterator[str]:
                 place = _moment(tick) + data[_TICK.size :].partition(b"\0")[0].decode("utf-8", "replace")
                 os.kill(pid, SIGNAL)
                 yield tell(place, await_stack(path.with_suffix(".stack").read_bytes))
+
+
+def note_group(group: int) -> None:
+    """Tell whoever watches this process, if any, of a process group that it has started."""
+    if _folder is not None:
+        (_folder / f"group.{group}").touch()
+
+
+def forget_group(group: int) -> None:
+    """Take back what `note_group` told: the group has ended."""
+    if _folder is not None:
+        (_folder / f"group.{group}").unlink(missing_ok=True)
+
+
+def end_groups(folder: str) -> None:
+    """End the process groups that watched processes have left behind."""
+    for path in Path(folder).glob("group.*"):
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(int(path.suffix[1:]), signal.SIGKILL)
 
 
 def await_stack(read: Callable[[], bytes]) -> list[tuple[str, int, str]]:

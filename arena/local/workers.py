@@ -63,6 +63,7 @@ def work(
             raise
         finally:
             pool.shutdown()
+            current_call.end_groups(folder)  # a program that loops does not see that its worker has ended
             if listener.is_alive():
                 listener.join(_LAST_WORDS_S)  # for a fighter may have left a process behind that holds the pipe
 
