@@ -286,6 +286,16 @@ def test_an_interrupt_ends_it_and_says_where_each_bot_is(
     assert all(map(place.fullmatch, where)), err
 
 
+def test_a_bot_that_leaves_its_folder_and_its_streams_takes_nothing_with_it(bot: Callable[..., Path], tmp_path: Path) -> None:
+    bot(f"import os, sys\nos.chdir('/')\nsys.stdout = sys.stderr = None\n{EAST}")
+    command = ["play", "mybot.py", "random", "--pairs", "1", "--journals", "kept", "--transcripts", "seen"]
+
+    done = subprocess.run([*ARENA, *command], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+
+    assert (done.returncode, "2 matches" in done.stdout) == (0, True), done.stderr
+    assert [len(list((tmp_path / folder).iterdir())) for folder in ("kept", "seen")] == [2, 4]
+
+
 def test_an_interrupt_ends_programs_that_never_answer(bot: Callable[..., Path]) -> None:
     code = "import sys, threading\nprint('[1] thinking', file=sys.stderr, flush=True)\nthreading.Event().wait()\n"
     playing = begin_matches(f"exec:{sys.executable} {bot(code)}", workers=2)
