@@ -148,7 +148,7 @@ def compiling_bar(n_kernels: int, expected_s: float) -> Iterator[Callable[[], No
     """Say at once on stderr that kernels are compiled, and on a terminal how far that is; what is yielded counts one further."""
     what = "compiling the rules and the fighters, once"
     if not sys.stderr.isatty():
-        typer.echo(f"{what}: {_kernels(n_kernels)}, about {expected_s:.0f} s", err=True)
+        typer.echo(f"{what}: {quantity(n_kernels, 'kernel')}, about {expected_s:.0f} s", err=True)
         yield lambda: None
         return
     from rich.console import Console
@@ -167,8 +167,9 @@ def compiling_bar(n_kernels: int, expected_s: float) -> Iterator[Callable[[], No
         yield lambda: progress.advance(task)
 
 
-def _kernels(n: int) -> str:
-    return f"{n} kernel{'s' if n > 1 else ''}"
+def quantity(n: int, one: str, more: str = "") -> str:
+    """Return a number of things, as in "1 turn" and "1,000 turns"; `more` is the plural, where it is not `one` with an s."""
+    return f"{n:,} {one if n == 1 else more or f'{one}s'}"
 
 
 class JsonProgress:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from arena.display.frame import describe_rules, describe_tick, orders_to_text, to_text
-from arena.display.text import GroundMemory
+from arena.display.seat_memory import GroundMemory, find_losses
 from arena.errors import JournalError
 from arena.game.engine import BatchedGame
 from arena.game.state import StateField
@@ -21,6 +21,8 @@ _JOURNAL = MAGIC.rpartition(b"-")[0]
 """What journals of all versions begin with."""
 MOST_TICKS = 20_000
 """That a page is given at once."""
+MOST_CELLS = 1 << 24
+"""Likewise, of the boards of all ticks: each cell stands there three times."""
 
 
 def describe_recording(data: bytes) -> dict[str, Any]:
@@ -44,13 +46,13 @@ def describe_match(data: bytes) -> dict[str, Any]:
     Raises
     ------
     JournalError
-        It is no journal, one of more than `MOST_TICKS`, or of a match that is not over: that one may not be seen.
+        It is no journal, one of more than `MOST_TICKS` or `MOST_CELLS`, or of a match that is not over: that one may not be seen.
     """
     journal = read_journal(data)
     header, ending = journal.header, journal.ending
     if ending is None:
         raise JournalError("the match is not over, so its journal may not be seen")
-    _check_length(len(journal.ticks))
+    _check_length(len(journal.ticks), header.ruleset.side)
     ticks: list[dict[str, Any]] = []
     broken = None
     try:
@@ -86,11 +88,11 @@ def describe_transcript(data: bytes) -> dict[str, Any]:
     Raises
     ------
     JournalError
-        It is no transcript, or one of more than `MOST_TICKS`.
+        It is no transcript, or one of more than `MOST_TICKS` or `MOST_CELLS`.
     """
     transcript = read_transcript(data)
     header, ending = transcript.header, transcript.ending
-    _check_length(len(transcript.ticks))
+    _check_length(len(transcript.ticks), header.ruleset.side)
     names = [header.name, header.opponent]
     return {
         "match": header.match,
@@ -105,19 +107,22 @@ def describe_transcript(data: bytes) -> dict[str, Any]:
     }
 
 
-def _check_length(n_ticks: int) -> None:
-    if n_ticks > MOST_TICKS:
-        raise JournalError(f"it has {n_ticks:,} ticks, and a page shows {MOST_TICKS:,} at most; arena replay show has no bound")
+def _check_length(n_ticks: int, side: int) -> None:
+    most = min(MOST_TICKS, MOST_CELLS // side**2)
+    if n_ticks > most:
+        board = f"a board of {side} by {side} cells"
+        raise JournalError(
+            f"it has {n_ticks:,} ticks of {board}, and a page shows {most:,} at most; arena replay show has no bound"
+        )
 
 
 def _describe_seat(transcript: Transcript) -> Iterator[dict[str, Any]]:
     team, memory = transcript.header.team, GroundMemory(transcript.header.ruleset.side)
     sign = 1 if team is Team.BLUE else -1
-    lived: list[bool] = []
+    before = None
     for number, seen in enumerate(transcript.observations()):
-        lives = [unit.alive for unit in seen.units]
-        fell = [(int(team), index) for index, (before, now) in enumerate(zip(lived, lives, strict=False)) if before and not now]
-        lived = lives
+        fell = [(int(team), unit.index) for unit in find_losses(before, seen)]
+        before = seen
         tick = describe_tick(
             seen.tick,
             score=sign * seen.score,

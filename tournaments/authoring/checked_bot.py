@@ -7,11 +7,9 @@ same keys, and the orders have to be the same.
 import re
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from statistics import median
-
-import numpy as np
 
 from arena.console import clean
 from arena.errors import PolicyError
@@ -27,8 +25,9 @@ from policies.bot_file import NO_BOT
 from policies.program import PREFIX as PROGRAM
 from policies.workers.files import resolve
 from policies.workers.policy import WorkerFactory
-from tournaments.authoring.findings import Finding, Report, TurnTimes
+from tournaments.authoring.findings import AllTurnTimes, Finding, Report
 from tournaments.authoring.global_chance import find_global_chance
+from tournaments.authoring.turn_times import TurnTimes
 from tournaments.running.preflight import PATIENCE_S
 from tournaments.running.trial import Trial
 
@@ -248,15 +247,12 @@ class CheckedBot:
             findings=tuple(self._findings.values()),
         )
 
-    def _times(self) -> TurnTimes | None:
+    def _times(self) -> AllTurnTimes | None:
         turns = [(took_s, f"tick {tick} of {match}") for match in self._matches for tick, took_s in enumerate(match.took_s)]
         if not turns:
             return None
-        worst_s, worst_at = max(turns)
-        median_s, p99_s = np.percentile([took_s for took_s, _ in turns], [50, 99]).tolist()
-        return TurnTimes(
-            n_turns=len(turns), median_ms=median_s * 1000, p99_ms=p99_s * 1000, worst_ms=worst_s * 1000, worst_at=worst_at
-        )
+        times = TurnTimes.of([took_s for took_s, _ in turns])
+        return AllTurnTimes(**asdict(times), n_turns=len(turns), worst_at=max(turns)[1])
 
     def _find_output(self) -> None:
         """Judge what it printed: of a program, stderr is its own, and lines on stdout that are no answers are noted there."""

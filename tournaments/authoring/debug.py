@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from arena import current_call
 from arena.annotations import Annotations
+from arena.bot_calls import stacks
 from arena.console import say, say_lines
-from arena.display.text import name_order, name_unit
+from arena.display.words import name_order, name_unit
 from arena.errors import ArenaError, InputError
 from arena.policy import BatchPolicy, Faults, MatchInfo, explain_refusal, read_actions
 from arena.records.journal import Mark
@@ -26,7 +26,7 @@ from tournaments.authoring.recorded_seat import RecordedSeat, Turn
 
 _ONE_SEAT = np.zeros(1, np.intp)
 _OURS = {__file__, bdb.__file__, pdb.__file__}
-current_call.OURS.add(__file__)
+stacks.OURS.add(__file__)
 _CUT_SHORT = ", and what came after is not recorded"
 
 

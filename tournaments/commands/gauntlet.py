@@ -35,8 +35,8 @@ def gauntlet(
 
     Each gauntlet is played on the same maps, so two runs are compared pair by pair. The last 20 of a bot and its rules are kept.
     """
+    from arena.bot_calls.marked_output import marked_prints
     from arena.compiling import compile_kernels, game_kernels
-    from arena.current_call import marked_prints
     from arena.folders import data_folder
     from arena.game.ruleset import load as load_rules
     from arena.game.ruleset import parse_overrides

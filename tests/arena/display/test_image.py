@@ -2,6 +2,7 @@
 
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -106,7 +107,7 @@ def test_without_out_the_picture_lies_here_under_the_name_of_the_match(
 
 @pytest.mark.parametrize("team", Team)
 def test_a_scene_shows_what_a_team_sees_beside_the_truth(file: Path, journal: Journal, team: Team) -> None:
-    frames = read_frames(file, team.name.lower())
+    frames = read_frames(file, team)
 
     for games, frame in zip(replay(journal), frames, strict=True):
         (label, seen), (_, truth) = frame.boards
@@ -255,3 +256,12 @@ def test_below_the_boards_stands_what_the_shapes_mean() -> None:
         assert ink[:, 0].max() < len(below) - 1
 
     assert legends[4] > legends[20]
+
+
+def test_a_name_of_a_megabyte_costs_a_picture_no_more_than_a_long_one(file: Path) -> None:
+    frame = next(read_frames(file, None))
+
+    pictures = [draw(replace(frame, title=title), CELL) for title in (1_000_001 * "A", 1_000 * "A", 100 * "A\n")]
+
+    assert pictures[0] == pictures[1]
+    assert pictures[0].size == pictures[2].size
