@@ -42,8 +42,8 @@ def _name(sent: bytes) -> str:
 def keys_at_once(descriptor: int) -> Iterator[int]:
     """Have a terminal send each key at once, unshown, until the end, however that comes.
 
-    Yields a pipe's end that has bytes to read after a signal, as at each change of the terminal's size: whoever waits for keys waits
-    for it too. The signal itself may be handed to another thread, and wakes nobody who waits in this one.
+    Yields a pipe's end that has bytes to read after a signal, as at each change of the terminal's size. Wait for it beside the
+    keys, since the signal itself may be handed to another thread.
 
     Ctrl-C stays Ctrl-C. Ctrl-Z does nothing: a stopped program would leave the terminal as it is. SIGTERM and SIGHUP end the
     program by `SystemExit`, so that all is put back.
