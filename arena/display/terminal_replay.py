@@ -2,6 +2,7 @@
 
 import os
 import select
+import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -39,10 +40,12 @@ def play_with_keys(
     player = Player(recording, views, ticks_per_s, time.monotonic(), is_playing=is_playing)
     player.has_numbers = not console.no_color  # a number in a narrow cell tells its team by colour alone
     reads, writes = os.pipe()
+    os.set_blocking(writes, False)
+    former = signal.set_wakeup_fd(writes, warn_on_full_buffer=False)  # a signal just before `select` would not end it
     keys, descriptor = KeyReader(), sys.stdin.fileno()
     try:
         with (
-            keys_at_once(descriptor, lambda: os.write(writes, b"\0")),
+            keys_at_once(descriptor, lambda: None),
             Live(console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False) as live,
         ):
             while not player.is_over:
@@ -56,6 +59,7 @@ def play_with_keys(
                         player.press(key, time.monotonic())
                 player.advance(time.monotonic())
     finally:
+        signal.set_wakeup_fd(former)
         os.close(reads)
         os.close(writes)
     if recording.error is not None:
