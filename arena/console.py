@@ -230,6 +230,7 @@ class _Lines:
 @contextmanager
 def stdout_to_stderr() -> Iterator[None]:
     """Send all that is printed to stderr, by whatever means, so that a stranger's code cannot spoil what the command says."""
+    error = sys.stderr
     sys.stdout.flush()
     kept = os.dup(1)
     os.dup2(2, 1)
@@ -237,6 +238,7 @@ def stdout_to_stderr() -> Iterator[None]:
         with redirect_stdout(sys.stderr):
             yield
     finally:
+        sys.stderr = error  # which it may have replaced, as stdout
         sys.stdout.flush()  # who kept hold of it may have written
         os.dup2(kept, 1)
         os.close(kept)

@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from arena.bot_calls.groups import end_groups, share_groups
 from arena.bot_calls.marked_output import mark_prints
 from arena.bot_calls.stacks import describe_stacks, share_stack
 from arena.errors import ArenaError
@@ -66,6 +67,7 @@ def work(
             raise
         finally:
             pool.shutdown()
+            end_groups(folder)  # a program that loops does not see that its worker has ended
             if listener.is_alive():
                 listener.join(_LAST_MESSAGES_S)  # for a fighter may have left a process behind that holds the pipe
 
@@ -104,6 +106,7 @@ def _begin(folder: str, sender: "Connection", lock: "Lock") -> None:
     mark_prints()
     with suppress(OSError):  # of a disk that is full: an interrupt then tells of no stack, and the work is done
         share_stack(folder)
+    share_groups(folder)
     follow_parent()
 
 

@@ -110,7 +110,7 @@ def test_text_that_no_bytes_stand_for_is_kept_as_question_marks(notes: Annotatio
 
     assert kept(notes)["log"] == [
         "half ?",
-        "arena: a drawing was left out: ('\\ud800', 1) is no cell; a cell is a row and a column",
+        "arena: a drawing was left out: ? is no cell; a cell is a row and a column",
     ]
     assert kept(notes)["draw"][0]["text"] == "?"
 

@@ -50,13 +50,14 @@ def gauntlet(
 
     spec = find_bot(bot)
     ruleset = load_rules(rules).with_(parse_overrides(settings or []))
+    place = spec if kind_of_file(spec) is None else str(Path(spec).resolve())  # before a bot leaves this folder
+    data = None if data is None else data.absolute()
     with stdout_to_stderr():
         load(spec)
         opponents, left_out = find_opponents(spec, against)
         compile_kernels([*game_kernels(ruleset), *fighter_kernels([spec, *opponents])])
-    fingerprint = fingerprint_of(spec)
+    fingerprint = fingerprint_of(place)
     name = name_bot(spec, opponents)
-    place = spec if kind_of_file(spec) is None else str(Path(spec).resolve())
     runs = Runs(data_folder(data), name, place, ruleset.hash, str(seed))
     last, run = runs.last(), runs.begin()
     fixtures = plan_gauntlet(name, opponents, pairs, seed)
@@ -74,7 +75,7 @@ def gauntlet(
             met = play_gauntlet(
                 ruleset,
                 fixtures,
-                {opponent: opponent for opponent in opponents} | {name: spec},
+                {opponent: opponent for opponent in opponents} | {name: place},
                 name,
                 journals=run / "journals",
                 n_workers=workers,

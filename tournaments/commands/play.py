@@ -97,6 +97,7 @@ def play(
         plan = plan_fixture("play", first, second, 1, secret_from_seed(seed))[0]
         _step(ruleset, plan, specs, journals, transcripts, sandbox=sandbox, others=others)
         return
+    kept = None if journals is None else journals.absolute()  # a bot may leave this folder
     pairs = pairs or (MOST_PAIRS if until_sure else 10)
     comparison = Comparison.begin(first, second, margin or MARGIN_ELO) if until_sure else None
     plans = plan_fixture("play", first, second, pairs, secret_from_seed(seed))
@@ -118,7 +119,7 @@ def play(
                 advance(feedback.hear(news))
 
             def play_some(some: "Sequence[MatchPlan]") -> "Iterator[MatchRecord]":
-                for record in play_matches(ruleset, some, journals, hear):
+                for record in play_matches(ruleset, some, kept, hear):
                     advance(feedback.count(record))
                     yield record
 
@@ -171,14 +172,18 @@ def _loader(specs: dict[str, str], transcripts: Path | None, *, sandbox: bool) -
     from policies.registry import load_entry
     from policies.workers.load import load_apart
     from tournaments.authoring.transcripts import load_transcribed
+    from tournaments.league.entries import kind_of_file
 
-    load = partial(load_apart if sandbox else load_entry, specs, cheats=True)
+    load_one = partial(load_apart if sandbox else load_entry, cheats=True)
+    placed = {name: spec if kind_of_file(spec) is None else str(Path(spec).absolute()) for name, spec in specs.items()}
+    folder = None if transcripts is None else transcripts.absolute()  # before a bot leaves this folder
     for name in specs:
-        load(name)
-    if transcripts is None:
+        load_one(specs, name)
+    load = partial(load_one, placed)
+    if folder is None:
         return load
-    make_folder(transcripts, f"cannot keep transcripts in {transcripts}")
-    return partial(load_transcribed, load, dict(zip(specs, reversed(specs), strict=True)), transcripts)
+    make_folder(folder, f"cannot keep transcripts in {transcripts}")
+    return partial(load_transcribed, load, dict(zip(specs, reversed(specs), strict=True)), folder)
 
 
 def _on_the_clock(

@@ -48,6 +48,18 @@ def run(here: Run, bot: Path, tmp_path: Path) -> Callable[..., dict[str, Any]]:
     return play
 
 
+def test_a_bot_that_leaves_its_folder_is_found_and_its_run_is_kept(
+    here: Run, bot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    bot.write_text(f"import os\nos.chdir('/')\n{STAY}")
+
+    done = here("gauntlet", bot.name, "--against", "rush", "--data", "data", "--pairs", 1, *SMALL)
+
+    assert done.returncode == 0, done.stderr
+    assert len(list((tmp_path / "data").rglob("*.journal"))) == 2
+
+
 def test_every_opponent_is_met_and_the_hardest_stands_first(run: Callable[..., dict[str, Any]]) -> None:
     begun_s = time.perf_counter()
     found = run("--pairs", 3)
