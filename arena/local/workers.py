@@ -104,7 +104,8 @@ def _begin(folder: str, sender: "Connection", lock: "Lock") -> None:
     _to_parent = sender, lock
     os.dup2(2, 1)
     mark_prints()
-    share_stack(folder)
+    with suppress(OSError):  # of a disk that is full: an interrupt then tells of no stack, and the work is done
+        share_stack(folder)
     share_groups(folder)
     follow_parent()
 
