@@ -26,7 +26,7 @@ from policies.program import PREFIX as PROGRAM
 from policies.workers.files import resolve
 from policies.workers.policy import WorkerFactory
 from tournaments.authoring.findings import AllTurnTimes, Finding, Report
-from tournaments.authoring.global_chance import find_global_chance
+from tournaments.authoring.global_randomness import find_global_randomness
 from tournaments.authoring.turn_times import TurnTimes
 from tournaments.running.preflight import PATIENCE_S
 from tournaments.running.trial import Trial
@@ -228,7 +228,7 @@ class CheckedBot:
         if growth_bytes is not None and growth_bytes > _LEAK_BYTES:
             self._find("memory", f"a process that plays match after match grows by {growth_bytes / 1e6:.1f} MB a match")
         self._find_output()
-        self._find_global_chance()
+        self._find_global_randomness()
         played = [match for match in self._matches if match.points is not None]
         return Report(
             bot=clean(self._spec),
@@ -265,14 +265,14 @@ class CheckedBot:
         elif lines:
             self._find("output", f"it prints, the first time: {clean(lines[0])[:_MOST_LETTERS]}", len(lines))
 
-    def _find_global_chance(self) -> None:
+    def _find_global_randomness(self) -> None:
         if not self._spec.endswith(".py"):
             return
         try:
             source = read_file(Path(self._spec), MOST_TEXT_BYTES * 16).decode("utf-8", "replace")
         except OSError:
             return  # it was there when its process loaded it
-        calls = find_global_chance(source)
+        calls = find_global_randomness(source)
         if calls:
             shown = ", ".join(f"{name} (line {line})" for line, name in calls[:_MOST_CALLS_SHOWN])
             more = f" and {len(calls) - _MOST_CALLS_SHOWN} more" if len(calls) > _MOST_CALLS_SHOWN else ""

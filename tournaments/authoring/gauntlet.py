@@ -36,7 +36,7 @@ class WorstMap:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Met:
+class Encounter:
     """How the bot did against one opponent."""
 
     opponent: str
@@ -124,7 +124,7 @@ def play_gauntlet(
     n_workers: int | None,
     on_news: OnNews | None,
     advance: Callable[[MatchRecord], None],
-) -> list[Met]:
+) -> list[Encounter]:
     """Play a bot against its opponents, and return how it did against each, the hardest first.
 
     The first pair against each is played in this process, with nothing beside it, to measure how long the bot thinks.
@@ -180,11 +180,11 @@ def _count(
     records: Sequence[MatchRecord],
     took_s: Sequence[float],
     journals: Path,
-) -> Met:
+) -> Encounter:
     played = {record.plan.identity: record for record in records}
     in_order = [played[plan.identity] for plan in plans]
     pairs = tuple(one.points(name) + other.points(name) for one, other in zip(in_order[::2], in_order[1::2], strict=True))
-    return Met(
+    return Encounter(
         opponent=opponent,
         tally=tally(name, opponent, records),
         pairs=pairs,

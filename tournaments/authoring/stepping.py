@@ -19,7 +19,7 @@ from arena.local.saving import make_journals_folder, save
 from arena.local.venue import Batch, Load, MatchRecord
 from arena.records.journal import Mark
 from arena.records.plan import MatchPlan
-from tournaments.authoring.kept_output import output_kept_aside
+from tournaments.authoring.captured_output import captured_output
 
 _TICKS_PER_S = 4.0
 TakePrinted = Callable[[], list[str]]
@@ -72,7 +72,7 @@ def step_through(ruleset: Ruleset, plan: MatchPlan, load: Load, team: Team, *, j
         raise InputError("--step wants a terminal; leave it out, or keep --journals and look at them with `arena replay show`")
     if journals is not None:
         make_journals_folder(journals)
-    with output_kept_aside() as kept:
+    with captured_output() as kept:
         match = SteppedPlay(ruleset, plan, load, team, kept.take)
         recording = Recording(match.scenes())
         play_with_keys(Console(file=kept.terminal), recording, views_of_journal(team), _TICKS_PER_S, is_playing=False)

@@ -10,7 +10,7 @@ from policies.cli import complete_policy
 
 if TYPE_CHECKING:
     from arena.local.venue import MatchRecord, News
-    from tournaments.authoring.gauntlet import Met
+    from tournaments.authoring.gauntlet import Encounter
     from tournaments.authoring.gauntlet_runs import Change, Comparison
 
 
@@ -107,7 +107,7 @@ def gauntlet(
 
 
 def _document(
-    facts: dict[str, Any], met: "list[Met]", changes: "Comparison | None", run: Path, left_out: list[str]
+    facts: dict[str, Any], met: "list[Encounter]", changes: "Comparison | None", run: Path, left_out: list[str]
 ) -> dict[str, Any]:
     of = {} if changes is None else changes.opponents
     return {
@@ -121,7 +121,7 @@ def _document(
     }
 
 
-def _print_opponents(met: "list[Met]", changes: "Comparison | None") -> None:
+def _print_opponents(met: "list[Encounter]", changes: "Comparison | None") -> None:
     of = {} if changes is None else changes.opponents
     rows = []
     for one in met:
@@ -152,7 +152,7 @@ def _say_change(change: "Change") -> str:
     return f"{difference}, noise" if change.verdict == "same" else f"{difference}, {change.verdict}"
 
 
-def _print_worst_maps(met: "list[Met]") -> None:
+def _print_worst_maps(met: "list[Encounter]") -> None:
     from shlex import quote
 
     for one in met:
