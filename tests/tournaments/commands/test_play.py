@@ -297,7 +297,7 @@ def test_a_bot_that_leaves_its_folder_and_its_streams_takes_nothing_with_it(bot:
 
 
 def test_an_interrupt_ends_programs_that_never_answer(bot: Callable[..., Path]) -> None:
-    code = "import sys, threading\nprint('[1] thinking', file=sys.stderr, flush=True)\nthreading.Event().wait()\n"
+    code = "import sys, threading\ninput()\nprint('[1] thinking', file=sys.stderr, flush=True)\nthreading.Event().wait()\n"
     playing = begin_matches(f"exec:{sys.executable} {bot(code)}", workers=2)
 
     os.kill(playing.pid, signal.SIGINT)
