@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from arena.console import clean
 from arena.display.text import GroundMemory
 from arena.errors import InputError
 from arena.game.engine import BatchedGame
@@ -38,6 +39,8 @@ _LEGEND = ("round: blue", "square: red", "hollow: flies", "pennant: flag", "blac
 _MARKS = ("crimson frame: fought", "cross: fell", "black frame: captured")
 """Of the legend, where things are marked."""
 _FADED = "faded: remembered"
+_MOST_LETTERS = 200
+"""Of a title: in a file that a stranger made, a name may be a megabyte long, and drawn it would take minutes."""
 _MEMORY = 0.45
 """How far a cell that is only remembered fades towards the colour of the hidden."""
 
@@ -135,7 +138,7 @@ def draw(frame: ImageFrame, cell: int) -> Image.Image:
     legend = _wrap((*_LEGEND, _FADED) if frame.faded is not None else (*_LEGEND, *_MARKS), small, 2 * board + gap)
     image = Image.new("RGB", (2 * board + 3 * gap, top + board + gap + len(legend) * line), _PAPER)
     pen = ImageDraw.Draw(image)
-    pen.text((gap, gap * 0.6), frame.title, fill=_INK, font=font)
+    pen.text((gap, gap * 0.6), clean(frame.title[:_MOST_LETTERS]), fill=_INK, font=font)
     pen.text((gap, gap * 0.6 + line), frame.caption, fill=_INK, font=font)
     for number, (label, grid) in enumerate(frame.boards):
         at = gap + number * (board + gap)

@@ -21,6 +21,8 @@ _JOURNAL = MAGIC.rpartition(b"-")[0]
 """What journals of all versions begin with."""
 MOST_TICKS = 20_000
 """That a page is given at once."""
+MOST_CELLS = 1 << 24
+"""Likewise, of the boards of all ticks: each cell stands there three times."""
 
 
 def describe_recording(data: bytes) -> dict[str, Any]:
@@ -44,13 +46,13 @@ def describe_match(data: bytes) -> dict[str, Any]:
     Raises
     ------
     JournalError
-        It is no journal, one of more than `MOST_TICKS`, or of a match that is not over: that one may not be seen.
+        It is no journal, one of more than `MOST_TICKS` or `MOST_CELLS`, or of a match that is not over: that one may not be seen.
     """
     journal = read_journal(data)
     header, ending = journal.header, journal.ending
     if ending is None:
         raise JournalError("the match is not over, so its journal may not be seen")
-    _check_length(len(journal.ticks))
+    _check_length(len(journal.ticks), header.ruleset.side)
     ticks: list[dict[str, Any]] = []
     broken = None
     try:
@@ -86,11 +88,11 @@ def describe_transcript(data: bytes) -> dict[str, Any]:
     Raises
     ------
     JournalError
-        It is no transcript, or one of more than `MOST_TICKS`.
+        It is no transcript, or one of more than `MOST_TICKS` or `MOST_CELLS`.
     """
     transcript = read_transcript(data)
     header, ending = transcript.header, transcript.ending
-    _check_length(len(transcript.ticks))
+    _check_length(len(transcript.ticks), header.ruleset.side)
     names = [header.name, header.opponent]
     return {
         "match": header.match,
@@ -105,9 +107,13 @@ def describe_transcript(data: bytes) -> dict[str, Any]:
     }
 
 
-def _check_length(n_ticks: int) -> None:
-    if n_ticks > MOST_TICKS:
-        raise JournalError(f"it has {n_ticks:,} ticks, and a page shows {MOST_TICKS:,} at most; arena replay show has no bound")
+def _check_length(n_ticks: int, side: int) -> None:
+    most = min(MOST_TICKS, MOST_CELLS // side**2)
+    if n_ticks > most:
+        board = f"a board of {side} by {side} cells"
+        raise JournalError(
+            f"it has {n_ticks:,} ticks of {board}, and a page shows {most:,} at most; arena replay show has no bound"
+        )
 
 
 def _describe_seat(transcript: Transcript) -> Iterator[dict[str, Any]]:

@@ -5,17 +5,18 @@ nothing is kept here. Each costs a while of a core, so only some are made at a t
 """
 
 import asyncio
+from collections import Counter
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import islice
 
 from starlette.datastructures import QueryParams
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
 from arena.display.image import draw, frames_of, save_gif
-from arena.display.replay_frames import describe_recording
+from arena.display.replay_frames import MOST_TICKS, describe_recording
 from arena.errors import ArenaError, InputError
 from arena.protocol.topics import is_chunk
 from clients.web.page_file import page_file
@@ -24,11 +25,13 @@ from clients.web.providers import Leagues
 
 MOST_BYTES = 1 << 24
 """Of a file that a page sends."""
+_UPLOAD_S = 60.0
+"""How long a page may take to send it."""
 MOST_GIF_TICKS = 200
 _GIF_BOARD_PIXELS = 240
 _GIF_TICKS_PER_S = 4.0
 MOST_AT_ONCE = 10
-"""Whoever asks while so many are asked for is told to come again."""
+"""Whoever asks while so many are asked for is told to come again; files that pages send are counted by themselves."""
 _MADE_AT_ONCE = 2
 _VIEWS = ("blue", "red")
 
@@ -47,7 +50,8 @@ class Recordings:
     def __init__(self, pit: PitClient, leagues: Leagues) -> None:
         self._pit, self._leagues = pit, leagues
         self._making = asyncio.Semaphore(_MADE_AT_ONCE)
-        self._n_asked = 0
+        self._n_asked = Counter[str]()
+        """Requests that were not answered yet, by their method."""
 
     async def download(self, request: Request) -> Response:
         """Answer with a match of the pit, or of a league, that is over."""
@@ -64,34 +68,43 @@ class Recordings:
 
     async def open(self, request: Request) -> Response:
         """Answer with what is made of the file that was sent."""
-        return await self._answer(request, lambda: read_body(request))
+        return await self._answer(request, lambda: read_body(request, _UPLOAD_S))
 
     async def _answer(self, request: Request, fetch: Callable[[], Awaitable[bytes]]) -> Response:
         try:
             form = FORMS.get(request.path_params["form"])
             if form is None:
                 raise InputError(f"a recording can be had as {', '.join(FORMS)}")
-            if self._n_asked >= MOST_AT_ONCE:
+            if self._n_asked[request.method] >= MOST_AT_ONCE:
                 raise InputError("the server has its hands full with other recordings; try again in a moment")
-            self._n_asked += 1
+            self._n_asked[request.method] += 1
             try:
                 data = await fetch()
                 async with self._making:
                     made = await asyncio.to_thread(form.make, data, request.query_params)
             finally:
-                self._n_asked -= 1
+                self._n_asked[request.method] -= 1
             return Response(made, media_type=form.media_type)
         except ArenaError as error:
             return JSONResponse({"error": str(error)})
 
 
-async def read_body(request: Request) -> bytes:
-    """Return what a request carries; of what is too much, nothing is kept, and `InputError` says so once it has been sent."""
+async def read_body(request: Request, limit_s: float) -> bytes:
+    """Return what a request carries; of what is too much, nothing is kept, and `InputError` says so once it has been sent.
+
+    It says so too of what has not arrived within `limit_s`: whoever sends nothing must not keep others waiting.
+    """
     kept, n_bytes = bytearray(), 0
-    async for chunk in request.stream():
-        n_bytes += len(chunk)
-        if n_bytes <= MOST_BYTES:
-            kept += chunk
+    try:
+        async with asyncio.timeout(limit_s):
+            async for chunk in request.stream():
+                n_bytes += len(chunk)
+                if n_bytes <= MOST_BYTES:
+                    kept += chunk
+    except TimeoutError:
+        raise InputError(f"the file did not arrive within {limit_s:.0f} s") from None
+    except ClientDisconnect:
+        raise InputError("the page went away before its file had arrived") from None
     if n_bytes > MOST_BYTES:
         raise InputError(f"the file has {n_bytes:,} bytes, and one of {MOST_BYTES:,} at most can be opened here")
     return bytes(kept)
@@ -105,6 +118,8 @@ def make_gif(data: bytes, query: QueryParams) -> bytes:
         raise InputError(f"the team is {team!r}; it must be blue or red")
     if not 0 <= last - first < MOST_GIF_TICKS:
         raise InputError(f"a GIF is made of 1 to {MOST_GIF_TICKS} ticks, and ticks {first} to {last} are not so many")
+    if last > MOST_TICKS:
+        raise InputError(f"a GIF shows ticks up to {MOST_TICKS:,} here; arena replay export has no bound")
     pictures = []
     for frame in islice(frames_of(data, team or None), first, last + 1):
         side = len(frame.boards[0][1])

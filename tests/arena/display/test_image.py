@@ -2,6 +2,7 @@
 
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -255,3 +256,12 @@ def test_below_the_boards_stands_what_the_shapes_mean() -> None:
         assert ink[:, 0].max() < len(below) - 1
 
     assert legends[4] > legends[20]
+
+
+def test_a_name_of_a_megabyte_costs_a_picture_no_more_than_a_long_one(file: Path) -> None:
+    frame = next(read_frames(file, None))
+
+    pictures = [draw(replace(frame, title=title), CELL) for title in (1_000_001 * "A", 1_000 * "A", 100 * "A\n")]
+
+    assert pictures[0] == pictures[1]
+    assert pictures[0].size == pictures[2].size

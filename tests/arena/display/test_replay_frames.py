@@ -123,8 +123,11 @@ def test_a_transcript_tells_what_its_seat_saw_and_what_its_bot_noted_and_nothing
         assert b64decode(heat["heat"])[-1] == 255
 
 
-def test_what_is_too_long_for_a_page_is_said_so(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(replay_frames, "MOST_TICKS", 3)
+@pytest.mark.parametrize(("bound", "most"), [("MOST_TICKS", 3), ("MOST_CELLS", 3 * 20**2)])
+def test_what_is_too_long_for_a_page_is_said_so(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bound: str, most: int
+) -> None:
+    monkeypatch.setattr(replay_frames, bound, most)
 
     for data in (file.read_bytes(), transcribe(file, tmp_path / "a.transcript", Team.RED)):
         with pytest.raises(JournalError, match="a page shows 3 at most"):

@@ -6,8 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from starlette.requests import Request
 
+from arena.errors import InputError
 from clients.web.guard import HEADERS, LOOPBACK, Guard, is_same_origin
+from clients.web.recordings import read_body
 from clients.web.routes import ASSETS
 
 MOST_FIRST_LOAD_BYTES = 150_000
@@ -122,3 +125,14 @@ def test_no_asset_makes_markup_of_text_or_names_another_host(path: Path) -> None
 
     assert not [word for word in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval(") if word in text]
     assert "//" not in "".join(line.partition("// ")[0].replace("://${location.host}", "") for line in text.splitlines())
+
+
+@pytest.mark.parametrize(("said", "sentence"), [(None, "did not arrive within 0 s"), ("http.disconnect", "the page went away")])
+def test_a_file_that_never_arrives_is_given_up(said: str | None, sentence: str) -> None:
+    async def receive() -> dict[str, Any]:
+        if said is None:
+            await asyncio.Event().wait()
+        return {"type": said}
+
+    with pytest.raises(InputError, match=sentence):
+        asyncio.run(read_body(Request({"type": "http"}, receive), 0 if said is None else 30))
