@@ -39,7 +39,7 @@ export function describe({ league, entries: [name], record, by_side, by_ending, 
   const rows = [["all", record], ...Object.entries(by_side).map(([side, kept]) => [`as ${side}`, kept]),
     ...Object.entries(by_ending).map(([ending, kept]) => [`by ${words(ending)}`, kept])];
   return [
-    table(`Record of ${name}`, [`${name}'s matches`, "Won", "Drawn", "Lost"], rows.map(([what, kept]) => [h("th", { scope: "row" }, what), number(kept.wins), number(kept.draws), number(kept.losses)])),
+    table(`Record of ${name}`, ["Matches", "Won", "Drawn", "Lost"], rows.map(([what, kept]) => [h("th", { scope: "row" }, what), number(kept.wins), number(kept.draws), number(kept.losses)])),
     resultTable("Matches", matches.map((one) => ({ ...one, href: `/match/replay?${new URLSearchParams({ league, identity: one.identity })}` }))),
     legend(matches),
   ];

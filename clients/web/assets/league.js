@@ -153,7 +153,7 @@ class LeaguePage {
     return h("table", { class: "cross", "aria-label": "Cross table" },
       h("thead", {}, h("tr", {}, h("td"), names.map((name) => h("th", { scope: "col", title: name }, name)))),
       h("tbody", {}, names.map((name) => h("tr", {}, h("th", { scope: "row" }, name), names.map((other) => {
-        const record = cross[name]?.[other];
+        const record = [name, other].reduce((found, key) => (found && Object.hasOwn(found, key) ? found[key] : null), cross); // an entry may be called "constructor"
         if (!record || record.score === null) return h("td", { class: "number" }, name === other ? "\u00b7" : "");
         const label = `${name} against ${other}: ${record.wins} won, ${record.draws} drawn, ${record.losses} lost`;
         return h("td", { class: "number" }, h("button", { type: "button", "aria-label": label, title: label, onclick: () => this.chooseFixture(name, other) }, record.score.toFixed(2)));

@@ -51,7 +51,7 @@ class EvilLeagues:
         return {
             "league": {"name": name, "ruleset": EVIL},
             "matches": {"played": 1, "planned": 1, "complete": True},
-            "standings": [{"entry": EVIL} | numbers],
+            "standings": [{"entry": EVIL} | numbers, {"entry": "constructor"} | numbers],  # what every object of a script has
             "leaderboard": {
                 "columns": [{"name": EVIL, "meaning": EVIL, "is_low_first": True}],
                 "rows": [[{"text": EVIL, "key": None}]],
