@@ -31,6 +31,8 @@ _OVERHEAD_BYTES = 32
 """Of one line or drawing, beside what it holds."""
 _OURS = "arena: "
 """Stands before the lines that the arena writes into a log."""
+_MOST_SAID, _MOST_SAID_LETTERS = 8, 200
+"""Of the arena's own lines in one tick's log."""
 
 
 class _UnfitError(ValueError):
@@ -71,20 +73,24 @@ class Annotations:
         self._log: list[str] = []
         self._drawings: list[dict[str, Any]] = []
         self._n_letters = self._n_bytes = 0
-        self._is_full = False
+        self._said: list[str] = []
 
     def log(self, *values: object) -> None:
         """Keep a line of text, made of `values` as `print` would."""
-        line = " ".join(map(str, values))
+        try:
+            line = " ".join(map(str, values))
+        except Exception as error:  # noqa: BLE001 - whoever made the values chose what their `__str__` does
+            self._say_once(f"a line was left out: one of its values has no text ({type(error).__name__})")
+            return
         left = _MOST_LETTERS - self._n_letters
         if left <= 0:
             return
         self._n_letters += len(line) + 1
         if len(line) > left:
-            self._log.append(line[:left])
+            self._log.append(_encodable(line[:left]))
             self._say(f"the log of one tick has room for {_MOST_LETTERS} letters, so this line of {len(line)} was cut")
         else:
-            self._log.append(line)
+            self._log.append(_encodable(line))
 
     def add_drawing(self, drawing: Mapping[str, Any]) -> None:
         """Keep a drawing that is given as one of the module's dictionaries; `heat` may be any array."""
@@ -92,6 +98,9 @@ class Annotations:
             read = _read_drawing(drawing, self._side)
         except _UnfitError as error:
             self._say_once(f"a drawing was left out: {error}")
+            return
+        except Exception as error:  # noqa: BLE001 - its values may be of any kind, and a path may be computed as it is read
+            self._say_once(f"a drawing was left out: it cannot be read ({type(error).__name__})")
             return
         n_bytes = _OVERHEAD_BYTES + max(len(read.get("heat", b"")), 8 * len(read.get("path", ())))
         if self._n_bytes + n_bytes > MOST_BYTES // 2:
@@ -120,11 +129,13 @@ class Annotations:
         return bytes(msgpack.packb(self.to_dict())) if self._log or self._drawings else b""
 
     def _say_once(self, sentence: str) -> None:
-        if _OURS + sentence not in self._log:
+        sentence = sentence[:_MOST_SAID_LETTERS]
+        if len(self._said) < _MOST_SAID and sentence not in self._said:
+            self._said.append(sentence)
             self._say(sentence)
 
     def _say(self, sentence: str) -> None:
-        self._log.append(_OURS + sentence)
+        self._log.append(_OURS + _encodable(sentence))
         self._n_letters += len(sentence)
 
 
@@ -150,16 +161,21 @@ def read_annotations(data: bytes, side: int) -> dict[str, Any]:
         raise UnreadableError(f"the annotations cannot be read: {error}") from error
 
 
+def _encodable(text: str) -> str:
+    """Return a text without the halves of letters that no bytes stand for, as JSON can make them."""
+    return text.encode("utf-8", "replace").decode()
+
+
 def _read_drawing(drawing: Mapping[str, Any], side: int) -> dict[str, Any]:
     """Return a drawing as it is kept; `_UnfitError` if it cannot be."""
     if not isinstance(drawing, Mapping):
         raise _UnfitError("it is no drawing")
     colour = drawing.get("colour", "yellow")
-    if colour not in COLOURS:
+    if not isinstance(colour, str) or colour not in COLOURS:
         raise _UnfitError(f"there is no colour {str(colour)[:20]!r}, only {', '.join(COLOURS)}")
     match drawing:
         case {"cell": cell}:
-            text = str(drawing.get("text", ""))[:_MOST_CELL_LETTERS]
+            text = _encodable(str(drawing.get("text", ""))[:_MOST_CELL_LETTERS])
             return {"cell": _read_cell(cell, side), "colour": colour, "text": text}
         case {"path": cells}:
             return {"path": list(_read_cells(cells, side)), "colour": colour}
@@ -199,10 +215,10 @@ def _shade(values: Any, side: int) -> bytes:
     """Return numbers as a byte per cell."""
     try:
         given = np.asarray(values, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise _UnfitError("heat is an array of numbers") from None
     if given.size != side * side:
         raise _UnfitError(f"heat has shape {given.shape}, and the board is {side} by {side}")
     heat = np.maximum(np.nan_to_num(given.ravel(), nan=0.0, posinf=0.0, neginf=0.0), 0.0)
     most = heat.max(initial=0.0)
-    return bytes(np.ceil(heat * (255 / most)).astype(np.uint8)) if most > 0 else bytes(side * side)
+    return bytes(np.ceil(heat / most * 255).astype(np.uint8)) if most > 0 else bytes(side * side)

@@ -148,7 +148,7 @@ def compiling_bar(n_kernels: int, expected_s: float) -> Iterator[Callable[[], No
     """Say at once on stderr that kernels are compiled, and on a terminal how far that is; what is yielded counts one further."""
     what = "compiling the rules and the fighters, once"
     if not sys.stderr.isatty():
-        typer.echo(f"{what}: {_kernels(n_kernels)}, about {expected_s:.0f} s", err=True)
+        typer.echo(f"{what}: {quantity(n_kernels, 'kernel')}, about {expected_s:.0f} s", err=True)
         yield lambda: None
         return
     from rich.console import Console
@@ -167,8 +167,9 @@ def compiling_bar(n_kernels: int, expected_s: float) -> Iterator[Callable[[], No
         yield lambda: progress.advance(task)
 
 
-def _kernels(n: int) -> str:
-    return f"{n} kernel{'s' if n > 1 else ''}"
+def quantity(n: int, one: str, more: str = "") -> str:
+    """Return a number of things, as in "1 turn" and "1,000 turns"; `more` is the plural, where it is not `one` with an s."""
+    return f"{n:,} {one if n == 1 else more or f'{one}s'}"
 
 
 class JsonProgress:
@@ -229,6 +230,7 @@ class _Lines:
 @contextmanager
 def stdout_to_stderr() -> Iterator[None]:
     """Send all that is printed to stderr, by whatever means, so that a stranger's code cannot spoil what the command says."""
+    error = sys.stderr
     sys.stdout.flush()
     kept = os.dup(1)
     os.dup2(2, 1)
@@ -236,6 +238,7 @@ def stdout_to_stderr() -> Iterator[None]:
         with redirect_stdout(sys.stderr):
             yield
     finally:
+        sys.stderr = error  # which it may have replaced, as stdout
         sys.stdout.flush()  # who kept hold of it may have written
         os.dup2(kept, 1)
         os.close(kept)

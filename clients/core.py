@@ -173,12 +173,13 @@ class ClientCore:
         self._think()
 
     def _ask(self, slot: Slot, now_s: float) -> None:
-        """Ask for a seat, or, with one, whether its match still runs; unless that was asked already."""
+        """Ask for a seat if the policy could take one, or whether the match of its own still runs; once at a time."""
         n_matches = self._settings.n_matches
+        n_asked = sum(one.session is None and one.question is not None for one in self._slots)
         n_others = sum(other.session is None and not other.is_done for other in self._slots if other is not slot)
         if slot.session is None and n_matches is not None and self._n_begun + n_others >= n_matches:
             self._finish(slot)  # what is left to play is the other slots', which ask already
-        elif slot.question is None:
+        elif slot.question is None and (slot.session is not None or n_asked < self._settings.count_ready()):
             limit_s = ANSWER_S if slot.session is None else PROBE_S
             query = self._query(topics.join(self._settings.pit), encode(ChallengeRequest()), limit_s)
             slot.question = Question(query, now_s, limit_s)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from arena.console import quantity
 from arena.policy import Faults
 from clients.seat import Seat
 
@@ -103,21 +104,18 @@ class _Played:
 
     def summary(self) -> list[str]:
         """Return a line for each kind of what went wrong in the match."""
-        lines = [f"{sentence} ({_turns(n)})" for sentence, n in self.faults.reasons.values()]
+        lines = [f"{sentence} ({quantity(n, 'turn')})" for sentence, n in self.faults.reasons.values()]
         if self._late:
             slowest = max(self._late, key=lambda tick: self.seat.took_s.get(tick, 0.0))
             took_s = self.seat.took_s.get(slowest)
             lines.append(
-                f"{_turns(len(self._late))} late" + ("" if took_s is None else f", the worst {_ms(took_s)} ms, at tick {slowest}")
+                f"{quantity(len(self._late), 'turn')} late"
+                + ("" if took_s is None else f", the worst {_ms(took_s)} ms, at tick {slowest}")
             )
         if self._n_slow:
-            lines.append(f"{_turns(self._n_slow)} paid by the bank, which has {_ms(self._bank_s)} ms left")
+            lines.append(f"{quantity(self._n_slow, 'turn')} paid by the bank, which has {_ms(self._bank_s)} ms left")
         return lines
 
 
 def _ms(seconds: float) -> str:
     return f"{seconds * 1000:,.0f}"
-
-
-def _turns(n: int) -> str:
-    return f"{n:,} turn{'' if n == 1 else 's'}"

@@ -1,5 +1,6 @@
 """The settings of a client: the pit, the entry, the policy, and how long to try."""
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +28,8 @@ class ClientSettings:
     """How long to look for a pit that is not open yet, or was lost."""
     is_patient: bool = False
     """Whether the policy may raise `arena.policy.Thinking`, to be asked again."""
+    count_ready: Callable[[], int] = lambda: sys.maxsize
+    """Returns how many matches the policy could begin at once; no more seats than that are asked for."""
     rules_hash: str = ""
     identity: Identity = field(default_factory=Identity.make)
     """Of the entry."""

@@ -68,7 +68,9 @@ def _import(path: Path) -> ModuleType:
     sys.modules[name] = module
     try:
         exec(code, module.__dict__)
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         del sys.modules[name]
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(place)]
         where = f"{path}, line {lines[-1]}" if lines else str(path)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import arena.policy
-from arena import current_call
 from arena.annotations import Annotations
-from arena.current_call import END, START, Place
+from arena.bot_calls import current, stacks
+from arena.bot_calls.current import END, START, Place
 from arena.game.observation import Observation, Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team
@@ -23,7 +23,7 @@ MakeBot = Callable[[], Any]
 UNREADABLE = -1
 """Written into all orders of a seat that gave none: its units stay, and the referee counts it."""
 _OURS = {__file__, arena.policy.__file__}
-current_call.OURS |= _OURS
+stacks.OURS |= _OURS
 _MOST_FRAMES, _MOST_LETTERS, _MOST_WORDS_LETTERS = 20, 4000, 200
 
 
@@ -34,7 +34,7 @@ class BotError(Exception):
 class EachSeat(BatchPolicy):
     """One bot per seat and match. What a bot raises, or gives instead of orders, costs its own seat alone.
 
-    `sys.exit` counts as raising: a bot may end its own thinking, not the match.
+    All but Ctrl-C counts as raising, `sys.exit` too: a bot may end its own thinking, not the match.
     """
 
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, make: MakeBot) -> None:
@@ -108,13 +108,13 @@ class EachSeat(BatchPolicy):
 
     def _call(self, seat: int, method: Callable[..., Any], *arguments: Any, tick: int = START) -> Any:
         """Return what a method of a bot returns, or None with the fault noted."""
-        current_call.begin(self._places[seat], tick)
+        current.begin(self._places[seat], tick)
         try:
             return method(*arguments)
         except KeyboardInterrupt as error:
-            current_call.explain(error)
+            stacks.add_stack(error)
             raise
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's code may raise anything
+        except BaseException as error:  # noqa: BLE001 - a stranger's code may raise anything
             faults = self._faults[seat]
             faults.raised += 1
             faults.note(*describe_error(error, tick))
@@ -122,7 +122,7 @@ class EachSeat(BatchPolicy):
                 faults.first_traceback = _bots_own(error)
             return None
         finally:
-            current_call.end()
+            current.end()
 
 
 class WithoutMemory:
@@ -151,7 +151,7 @@ def describe_error(error: BaseException, tick: int) -> tuple[str, str]:
     if isinstance(error, BotError):
         return type(error).__name__, f"{when}{error}; all its units stay"
     what = " ".join(traceback.format_exception_only(error)[-1].split())[:_MOST_WORDS_LETTERS]
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename not in _OURS]
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename not in stacks.OURS]
     where = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
     return f"{type(error).__name__}{where}", f"{when}{what}{where}; all its units stay"
 

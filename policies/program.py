@@ -25,7 +25,7 @@ from functools import cache
 from pathlib import Path
 from typing import IO, Any
 
-from arena import current_call
+from arena.bot_calls import groups, stacks
 from arena.console import clean
 from arena.errors import PolicyError
 from arena.game.observation import EnemyUnit, Observation, OwnUnit
@@ -36,7 +36,7 @@ from policies.each_seat import BotError, MakeBot
 logger = logging.getLogger(__name__)
 PREFIX = "exec:"
 """Stands before a program's command line where a fighter is named."""
-current_call.OURS.add(__file__)  # it waits for its program
+stacks.OURS.add(__file__)  # it waits for its program
 MOST_LINE_BYTES = 1 << 16
 MOST_SKIPPED = 100
 """Lines that are not JSON, before one answer."""
@@ -79,6 +79,7 @@ class Program:
     def __init__(self, command: list[str], skipped: SkippedLines | None = None) -> None:
         self._skipped = skipped or SkippedLines(name_of(shlex.join(command)))
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
+        groups.note(self._process.pid)
         atexit.register(self.close)
 
     @property
@@ -123,6 +124,7 @@ class Program:
             self._process.wait(_EXIT_WAIT_S)
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process.pid, signal.SIGKILL)
+        groups.forget(self._process.pid)
         self._process.wait()
 
 

@@ -11,9 +11,7 @@ from arena.game.types import Team, Termination
 from arena.local.venue import MatchRecord
 from arena.policy import Faults
 from arena.records.plan import LeagueMatchId, MatchPlan
-
-_Z95 = 1.959964
-"""Quantile of the normal distribution for a two-sided interval of 95%."""
+from tournaments.intervals import margin_of
 
 
 def plan_fixture(
@@ -64,7 +62,7 @@ def tally(one: str, other: str, records: Iterable[MatchRecord]) -> Tally:
     sides: Counter[Team] = Counter()
     for record in sorted(records, key=lambda record: record.plan.identity):
         plan, result = record.plan, record.result
-        own = Team.BLUE if plan.blue == one else Team.RED
+        own = plan.team(one)
         won = result.points(own)
         per_pair[plan.keys.map_key] = per_pair.get(plan.keys.map_key, 0.0) + won / 2
         points["win" if won == 1 else "loss" if won == 0 else "draw"] += 1
@@ -77,14 +75,14 @@ def tally(one: str, other: str, records: Iterable[MatchRecord]) -> Tally:
             faults[name].add(found)
     pairs = np.array(list(per_pair.values()))
     score = float(pairs.mean())
-    margin = _Z95 * float(pairs.std(ddof=1)) / len(pairs) ** 0.5 if len(pairs) > 1 else 1.0
+    margin = margin_of(pairs)
     return Tally(
         wins=points["win"],
         draws=points["draw"],
         losses=points["loss"],
         score=score,
-        score_low=max(score - margin, 0.0),
-        score_high=min(score + margin, 1.0),
+        score_low=0.0 if margin is None else max(score - margin, 0.0),
+        score_high=1.0 if margin is None else min(score + margin, 1.0),
         mean_game_score=counts["score"] / max(sum(points.values()), 1),
         blue_wins=sides[Team.BLUE],
         red_wins=sides[Team.RED],

@@ -179,12 +179,11 @@ def show_match(
     from arena.console import clean
     from arena.display.player import Recording
     from arena.display.recorded import open_match
+    from arena.display.team_option import read_team
     from arena.display.terminal_replay import has_keys, play_with_keys, print_scenes
     from arena.display.text import is_live
 
-    if team not in (None, "blue", "red"):
-        raise InputError(f"--team is {team!r}; it must be blue or red")
-    match = open_match(file, team)
+    match = open_match(file, read_team(team, file))
     if not match.is_of_one_seat:  # a journal is played again
         compile_rules()
     console = Console(force_terminal=False if is_plain else None)

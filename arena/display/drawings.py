@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.display.text import Marks
 from arena.game.types import HALVES, Code
 
-Marks = dict[tuple[int, int], tuple[str, str]]
-"""By (row, column): what stands there instead of the letter, empty for the letter itself, and a style over the cell's own."""
 _COLOURS = {
     "red": "#c62828", "orange": "#ef6c00", "yellow": "#f9a825", "green": "#2e7d32", "blue": "#1565c0", "purple": "#6a1b9a",
     "black": "#000000", "white": "#fafafa",

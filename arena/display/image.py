@@ -6,6 +6,7 @@ told apart by the colour-blind, and the shapes in print.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 
@@ -14,12 +15,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from arena.console import clean
-from arena.display.text import GroundMemory
+from arena.display.seat_memory import GroundMemory, find_losses
 from arena.errors import InputError
 from arena.game.engine import BatchedGame
-from arena.game.observation import OwnUnit
 from arena.game.state import StateField
 from arena.game.types import FLAGS, UAVS, UGVS, Code, Team
+from arena.records.framing import load
 from arena.records.journal import Journal, load_journal, read_journal
 from arena.records.replay import replay
 from arena.records.transcript import Transcript, begins_transcript, is_transcript, load_transcript, read_transcript
@@ -68,26 +69,16 @@ def count_ticks(path: Path) -> int:
     return len(load_transcript(path).ticks) - 1 if is_transcript(path) else len(load_journal(path).ticks)
 
 
-def read_frames(path: Path, team: str | None) -> Iterator[ImageFrame]:
-    """Return the frame of every tick of a journal or a transcript.
-
-    Raises
-    ------
-    InputError
-        A team was chosen for a transcript, which is what one seat saw.
-    """
-    if not is_transcript(path):
-        return _of_journal(load_journal(path), Team[(team or "blue").upper()])
-    if team is not None:
-        raise InputError("--team is for journals; a transcript is what one seat saw")
-    return _of_transcript(load_transcript(path))
+def read_frames(path: Path, team: Team | None) -> Iterator[ImageFrame]:
+    """Return the frame of every tick of a journal's file, as `frames_of` does, or of a transcript's."""
+    return load(path, partial(frames_of, team=team))
 
 
-def frames_of(data: bytes, team: str | None) -> Iterator[ImageFrame]:
-    """Return the frame of every tick of a journal's or a transcript's bytes; a transcript's team is its seat's."""
+def frames_of(data: bytes, team: Team | None) -> Iterator[ImageFrame]:
+    """Return the frame of every tick of a journal's or a transcript's bytes; `team` is whose view of a journal."""
     if begins_transcript(data):
         return _of_transcript(read_transcript(data))
-    return _of_journal(read_journal(data), Team[(team or "blue").upper()])
+    return _of_journal(read_journal(data), Team.BLUE if team is None else team)
 
 
 def _of_journal(journal: Journal, team: Team) -> Iterator[ImageFrame]:
@@ -108,10 +99,9 @@ def _of_journal(journal: Journal, team: Team) -> Iterator[ImageFrame]:
 def _of_transcript(transcript: Transcript) -> Iterator[ImageFrame]:
     header, memory = transcript.header, GroundMemory(transcript.header.ruleset.side)
     own = header.team.name.lower()
-    before: tuple[OwnUnit, ...] = ()
+    before = None
     for seen in transcript.observations():
         known, is_faded = memory.recall(seen)
-        lost = [new for old, new in zip(before, seen.units, strict=False) if old.alive and not new.alive]
         own_living, enemy_living = seen.living
         yield ImageFrame(
             title=f"{header.name} plays {own} against {header.opponent}",
@@ -119,9 +109,9 @@ def _of_transcript(transcript: Transcript) -> Iterator[ImageFrame]:
             f"units {own_living}:{enemy_living}",
             boards=((f"what {own} sees", seen.grid), ("and remembers", known)),
             faded=is_faded,
-            fallen=frozenset((unit.row, unit.column) for unit in lost),
+            fallen=frozenset((unit.row, unit.column) for unit in find_losses(before, seen)),
         )
-        before = seen.units
+        before = seen
 
 
 def _cells(games: BatchedGame, flags: NDArray[np.bool_]) -> frozenset[Cell]:

@@ -9,10 +9,10 @@ from rich.table import Table
 from rich.text import Text
 
 from arena.console import clean
-from arena.display.drawings import Marks, mark_drawings
+from arena.display.drawings import mark_drawings
 from arena.display.player import KEYS, Player
 from arena.display.scene import Pane, Scene, UnitLine
-from arena.display.text import draw_board, letter_of
+from arena.display.text import Marks, draw_board, letter_of
 from arena.game.types import HALVES, Code, Team
 
 _GAP = 3

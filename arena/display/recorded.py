@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from arena.display.scene import Scene, View, scenes_of_journal, scenes_of_transcript, views_of_journal, views_of_transcript
-from arena.display.text import format_last_tick, format_losses
-from arena.errors import InputError
+from arena.display.words import format_last_tick, format_losses
 from arena.game.types import Team
 from arena.records.journal import load_journal
 from arena.records.transcript import Transcript, is_transcript, load_transcript
@@ -26,19 +25,15 @@ class RecordedMatch:
     is_of_one_seat: bool
 
 
-def open_match(file: Path, team: str | None) -> RecordedMatch:
-    """Read a file; `team` is whose view of a journal comes first, blue without it.
+def open_match(file: Path, team: Team | None) -> RecordedMatch:
+    """Read a file; `team` is whose view of a journal comes first, blue's without it.
 
     Raises
     ------
     JournalError
         It cannot be read.
-    InputError
-        A team was chosen for a transcript.
     """
     if is_transcript(file):
-        if team is not None:
-            raise InputError("--team is for journals; a transcript is what one seat saw")
         transcript = load_transcript(file)
         return RecordedMatch(
             scenes=scenes_of_transcript(transcript),
@@ -51,7 +46,7 @@ def open_match(file: Path, team: str | None) -> RecordedMatch:
     return RecordedMatch(
         scenes=scenes_of_journal(journal),
         last=len(journal.ticks),
-        views=views_of_journal(Team[(team or "blue").upper()]),
+        views=views_of_journal(Team.BLUE if team is None else team),
         epilogue=() if journal.ending is None else (journal.ending.describe(),),
         is_of_one_seat=False,
     )

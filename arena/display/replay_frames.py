@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from arena.display.frame import describe_rules, describe_tick, orders_to_text, to_text
-from arena.display.text import GroundMemory
+from arena.display.seat_memory import GroundMemory, find_losses
 from arena.errors import JournalError
 from arena.game.engine import BatchedGame
 from arena.game.state import StateField
@@ -119,11 +119,10 @@ def _check_length(n_ticks: int, side: int) -> None:
 def _describe_seat(transcript: Transcript) -> Iterator[dict[str, Any]]:
     team, memory = transcript.header.team, GroundMemory(transcript.header.ruleset.side)
     sign = 1 if team is Team.BLUE else -1
-    lived: list[bool] = []
+    before = None
     for number, seen in enumerate(transcript.observations()):
-        lives = [unit.alive for unit in seen.units]
-        fell = [(int(team), index) for index, (before, now) in enumerate(zip(lived, lives, strict=False)) if before and not now]
-        lived = lives
+        fell = [(int(team), unit.index) for unit in find_losses(before, seen)]
+        before = seen
         tick = describe_tick(
             seen.tick,
             score=sign * seen.score,

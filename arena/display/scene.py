@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.console import clean
-from arena.display.text import GroundMemory, Mask, name_order, name_unit
+from arena.display.seat_memory import GroundMemory, Mask, find_losses
+from arena.display.words import name_order, name_unit
 from arena.game.engine import BatchedGame
 from arena.game.observation import Observation
 from arena.game.state import StateField
@@ -176,10 +177,10 @@ def scenes_of_transcript(transcript: Transcript) -> Iterator[Scene]:
 
 
 def _scene_of_seat(seen: Observation, before: Observation | None, memory: GroundMemory, orders: bytes, title: str) -> Scene:
-    fell = [before is not None and before.units[unit.index].alive and not unit.alive for unit in seen.units]
+    fell = find_losses(before, seen)
     placed = [
-        _Placed(seen.team, unit.index, unit.flies, (unit.row, unit.column), unit.alive, "fell" if has_fallen else "")
-        for unit, has_fallen in zip(seen.units, fell, strict=True)
+        _Placed(seen.team, unit.index, unit.flies, (unit.row, unit.column), unit.alive, "fell" if unit in fell else "")
+        for unit in seen.units
     ]
     units = [
         UnitLine(team=seen.team, name=name_unit(unit), order=name_order(order) if unit.alive else "fallen", fate=one.fate)
@@ -198,7 +199,7 @@ def _scene_of_seat(seen: Observation, before: Observation | None, memory: Ground
         units=tuple(units),
         fell=frozenset(one.cell for one in placed if one.fate),
         graves=frozenset(one.cell for one in placed if not one.lives),
-        is_event=before is not None and (any(fell) or before.score != seen.score or before.living != seen.living),
+        is_event=before is not None and (bool(fell) or before.score != seen.score or before.living != seen.living),
     )
 
 

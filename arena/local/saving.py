@@ -8,6 +8,7 @@ from threading import Event, Thread
 from typing import TYPE_CHECKING
 
 from arena.errors import InputError
+from arena.folders import make_folder
 from arena.records.journal import save_journal
 
 if TYPE_CHECKING:
@@ -17,14 +18,9 @@ _RECORDS_PER_WRITE, _MOST_UNWRITTEN = 16, 1024
 _WRITE_EVERY_S = 0.1
 
 
-def make_folder(folder: Path) -> None:
-    """Make the folder of journals, or say in a sentence why it cannot be."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError as error:
-        raise InputError(f"cannot keep journals in {folder}: it is no folder") from error
-    except OSError as error:
-        raise InputError(f"cannot keep journals in {folder}: {error.strerror}") from error
+def make_journals_folder(folder: Path) -> None:
+    """Make the folder of journals, unless it is there; `InputError` if it cannot be."""
+    make_folder(folder, f"cannot keep journals in {folder}")
 
 
 def save(records: Iterable["MatchRecord"], folder: Path) -> Iterator["MatchRecord"]:

@@ -19,8 +19,8 @@ from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
-from arena.local.saving import make_folder, save
-from arena.local.workers import tell, work
+from arena.local.saving import make_journals_folder, save
+from arena.local.workers import send_to_parent, work
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.records.journal import Header, Mark, write_ending, write_start
 from arena.records.plan import MatchPlan
@@ -56,6 +56,10 @@ class MatchRecord:
     """Turns of each team with an answer that was not one action per unit, as the journal marks them."""
     journal: bytes | None
     """The canonical journal, unless it was written to a folder."""
+
+    def points(self, entry: str) -> float:
+        """Return what the match is worth to one of its two entries: 1 for a win, 0.5 for a draw, 0 for a loss."""
+        return self.result.points(self.plan.team(entry))
 
 
 class News(NamedTuple):
@@ -98,7 +102,7 @@ def play(
         A worker died.
     """
     if journals is not None:
-        make_folder(journals)
+        make_journals_folder(journals)
     n_workers = n_workers or len(os.sched_getaffinity(0))
     tasks = split(plans, n_workers)
     n_workers = min(n_workers, len(tasks))
@@ -107,8 +111,9 @@ def play(
             yield from _play_task(ruleset, task, load, journals, on_news)
         return
     by_identity = {plan.identity: plan for plan in plans}
-    jobs = [partial(play_bare, ruleset, strip(task), load, journals, None if on_news is None else tell) for task in tasks]
-    for played in work(jobs, n_workers, None if on_news is None else lambda words: on_news(_news(words))):
+    send = None if on_news is None else send_to_parent
+    jobs = [partial(play_bare, ruleset, strip(task), load, journals, send) for task in tasks]
+    for played in work(jobs, n_workers, None if on_news is None else lambda message: on_news(_news(message))):
         yield from dress(played, by_identity)
 
 
@@ -138,10 +143,10 @@ def play_bare(
     plans: list[BarePlan],
     load: Load,
     journals: Path | None,
-    tell: Callable[[tuple[Any, ...]], None] | None = None,
+    send: Callable[[tuple[Any, ...]], None] | None = None,
 ) -> list[BareRecord]:
-    """Play a task in another process, which tells its news, stripped as well."""
-    on_news = None if tell is None else lambda news: tell((news.identity, _strip_result(news.result), news.reasons))
+    """Play a task in another process, which sends its news, stripped as well."""
+    on_news = None if send is None else lambda news: send((news.identity, _strip_result(news.result), news.reasons))
     whole = [
         MatchPlan(identity=identity, blue=blue, red=red, keys=MatchKeys(map_key=map_key, match_key=match_key))
         for identity, blue, red, map_key, match_key in plans
@@ -185,8 +190,8 @@ def _dress_result(ending: int, winner: int, score: int, ticks: int) -> MatchResu
     return MatchResult(ending=Termination(ending), winner=_TEAMS[winner], score=score, ticks=ticks)
 
 
-def _news(words: tuple[Any, ...]) -> News:
-    identity, result, reasons = words
+def _news(message: tuple[Any, ...]) -> News:
+    identity, result, reasons = message
     return News(identity, _dress_result(*result), reasons)
 
 

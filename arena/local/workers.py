@@ -11,24 +11,28 @@ from contextlib import contextmanager, suppress
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from arena import current_call
+from arena.bot_calls.groups import end_groups, share_groups
+from arena.bot_calls.marked_output import mark_prints
+from arena.bot_calls.stacks import describe_stacks, share_stack
 from arena.errors import ArenaError
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
+    from multiprocessing.synchronize import Lock
 
 R = TypeVar("R")
-_LAST_WORDS_S = 1.0
-_mouth: "Connection | None" = None
-"""In a worker, by which it says something to its parent."""
+_LAST_MESSAGES_S = 1.0
+_to_parent: "tuple[Connection, Lock] | None" = None
+"""Of a worker: for messages to its parent, and held while one is sent, for workers share the pipe."""
 
 
 def work(
-    jobs: Sequence[Callable[[], R]], n_workers: int, on_word: Callable[[tuple[Any, ...]], None] | None = None
+    jobs: Sequence[Callable[[], R]], n_workers: int, on_message: Callable[[tuple[Any, ...]], None] | None = None
 ) -> Iterator[R]:
     """Do jobs in `n_workers` processes, and yield what each returns as it is done, in no promised order.
 
-    What a job says meanwhile, by `tell`, is handed to `on_word`, in another thread; all of it before the last is yielded.
+    What a job sends meanwhile, by `send_to_parent`, is handed to `on_message`, in another thread; all of it before the last is
+    yielded.
 
     Whoever leaves the iteration early, by Ctrl-C or otherwise, waits for none of them.
 
@@ -40,15 +44,15 @@ def work(
     strangers = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
     workers: set[multiprocessing.process.BaseProcess] = set()
-    ears, mouth = context.Pipe(duplex=False)
-    listener = threading.Thread(target=_listen, args=(ears, on_word), daemon=True)
+    receiver, sender = context.Pipe(duplex=False)
+    listener = threading.Thread(target=_listen, args=(receiver, on_message), daemon=True)
     with TemporaryDirectory(prefix="arena-", ignore_cleanup_errors=True) as folder:
-        pool = ProcessPoolExecutor(n_workers, mp_context=context, initializer=_begin, initargs=(folder, mouth))
+        pool = ProcessPoolExecutor(n_workers, mp_context=context, initializer=_begin, initargs=(folder, sender, context.Lock()))
         try:
-            with _deaf_to_interrupts():
+            with _interrupts_blocked():
                 running = [pool.submit(job) for job in jobs]
             workers = set(multiprocessing.active_children()) - strangers
-            mouth.close()
+            sender.close()
             listener.start()
             for done in as_completed(running):
                 yield done.result()
@@ -56,34 +60,37 @@ def work(
             raise ArenaError("a worker died: a fighter ended its process, or the machine ran out of memory") from error
         except BaseException as error:
             if isinstance(error, KeyboardInterrupt):
-                for where in current_call.look(folder, [worker.pid for worker in workers if worker.pid]):
+                for where in describe_stacks(folder, [worker.pid for worker in workers if worker.pid]):
                     error.add_note(where)
             for worker in workers:
                 worker.terminate()
             raise
         finally:
             pool.shutdown()
+            end_groups(folder)  # a program that loops does not see that its worker has ended
             if listener.is_alive():
-                listener.join(_LAST_WORDS_S)  # for a fighter may have left a process behind that holds the pipe
+                listener.join(_LAST_MESSAGES_S)  # for a fighter may have left a process behind that holds the pipe
 
 
-def tell(words: tuple[Any, ...]) -> None:
-    """Say something, in few words, to whoever started this worker."""
-    if _mouth is not None:
-        _mouth.send(words)  # in one piece, as long as that is short: workers share the pipe
+def send_to_parent(message: tuple[Any, ...]) -> None:
+    """Send a message to the process that started this worker."""
+    if _to_parent is not None:
+        sender, lock = _to_parent
+        with lock:
+            sender.send(message)
 
 
-def _listen(ears: "Connection", on_word: Callable[[tuple[Any, ...]], None] | None) -> None:
-    with ears, suppress(EOFError):
+def _listen(receiver: "Connection", on_message: Callable[[tuple[Any, ...]], None] | None) -> None:
+    with receiver, suppress(EOFError):
         while True:
-            words = ears.recv()
-            if on_word is not None:
-                on_word(words)
+            message = receiver.recv()
+            if on_message is not None:
+                on_message(message)
 
 
 @contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Start processes that do not hear Ctrl-C, which a terminal sends to all: this process hears it, and ends them."""
+def _interrupts_blocked() -> Iterator[None]:
+    """Start processes that Ctrl-C, which a terminal sends to all, does not interrupt: this process is, and ends them."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -91,13 +98,14 @@ def _deaf_to_interrupts() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin(folder: str, mouth: "Connection") -> None:
-    """Prepare a worker: what fighters print goes to stderr, it shows where they are, and its parent's death is its own."""
-    global _mouth  # noqa: PLW0603 - of this process
-    _mouth = mouth
+def _begin(folder: str, sender: "Connection", lock: "Lock") -> None:
+    """Prepare a worker: what fighters print goes to stderr, it shares their stacks, and its parent's death is its own."""
+    global _to_parent  # noqa: PLW0603 - of this process
+    _to_parent = sender, lock
     os.dup2(2, 1)
-    current_call.mark_prints()
-    current_call.be_watched(folder)
+    mark_prints()
+    share_stack(folder)
+    share_groups(folder)
     follow_parent()
 
 

@@ -16,6 +16,7 @@ from hashlib import sha256
 from typing import Self
 
 from arena.game.keys import MatchKeys
+from arena.game.types import Team
 
 _LEAGUE = re.compile(r"([^/]+)/([^/]+)/([^/]+)/(\d{4}|[1-9]\d{4,})/([^/]+)-blue/(0|[1-9]\d*)", re.ASCII)
 _PIT = re.compile(r"([^/]+)/(ladder/)?(\d{6}|[1-9]\d{6,})/([^/]+)/([^/]+)", re.ASCII)
@@ -106,3 +107,11 @@ class MatchPlan:
     """What blue's fighter is made from, and its name in the journal."""
     red: str
     keys: MatchKeys
+
+    def entry(self, team: Team) -> str:
+        """Return who plays a team."""
+        return (self.blue, self.red)[team]
+
+    def team(self, entry: str) -> Team:
+        """Return which team one of the two plays."""
+        return Team.BLUE if self.blue == entry else Team.RED

@@ -2,12 +2,15 @@
 
 from itertools import islice
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from arena.console import say
+from arena.console import quantity, say
 from arena.errors import InputError
+
+if TYPE_CHECKING:
+    from arena.game.types import Team
 
 _FORMS = ("gif", "png", "html")
 
@@ -33,20 +36,20 @@ def export_match(
     """
     from arena.compiling import compile_rules
     from arena.display.image import count_ticks
+    from arena.display.team_option import read_team
     from arena.records.transcript import is_transcript
 
     form = _choose_form(out, gif=as_gif, png=as_png, html=as_html)
     if form != "png" and tick is not None:
         raise InputError(f"--tick is for --png; --{form} shows every tick")
-    if team not in (None, "blue", "red"):
-        raise InputError(f"--team is {team!r}; it must be blue or red")
+    view = read_team(team, file)
     if form == "html" and team is not None:
         raise InputError("--team is for pictures; --html shows both views")
     if count_ticks(file) >= 0 and not is_transcript(file):  # a journal is played again
         compile_rules()
     target = out or Path(file.with_suffix(f".{form}").name)
-    n_ticks = _write_page(file, target) if form == "html" else _draw(file, target, form, tick, team, cell, speed)
-    say(f"{target}: {'1 tick' if n_ticks == 1 else f'{n_ticks} ticks'}, {target.stat().st_size / 1000:,.0f} kB")
+    n_ticks = _write_page(file, target) if form == "html" else _draw(file, target, form, tick, view, cell, speed)
+    say(f"{target}: {quantity(n_ticks, 'tick')}, {target.stat().st_size / 1000:,.0f} kB")
 
 
 def _choose_form(out: Path | None, **flags: bool) -> str:
@@ -71,7 +74,7 @@ def _write_page(file: Path, target: Path) -> int:
     return len(match["ticks"])
 
 
-def _draw(file: Path, target: Path, form: str, tick: int | None, team: str | None, cell: int, speed: float) -> int:
+def _draw(file: Path, target: Path, form: str, tick: int | None, team: "Team | None", cell: int, speed: float) -> int:
     from arena.console import progress_bar
     from arena.display.image import count_ticks, draw, read_frames, save_gif, save_png
 

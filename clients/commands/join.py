@@ -113,6 +113,7 @@ def join(
         n_slots=n_slots,
         patience_s=patience,
         is_patient=is_human or workers is not None,
+        **({} if workers is None else {"count_ready": workers.count_ready}),
         rules_hash=load_rules(rules).hash if rules else "",
         identity=load_or_make(entry_key_path(entry)) if key is None else load(key),
         invite=invite,

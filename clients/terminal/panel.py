@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from rich.text import Text
 
 from arena.console import clean
-from arena.display.text import format_last_tick
+from arena.display.words import format_last_tick
 from arena.game.observation import Observation
 from arena.game.types import Action, Team
 from arena.policy import MatchResult

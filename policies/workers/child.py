@@ -10,7 +10,8 @@ from typing import IO, Any
 
 import numpy as np
 
-from arena import current_call
+from arena.bot_calls.marked_output import mark_prints
+from arena.bot_calls.stacks import SIGNAL
 from arena.errors import ArenaError
 from arena.game.ruleset import Ruleset, read_rules
 from arena.game.types import Team
@@ -54,8 +55,8 @@ class _Seat:
 def main() -> None:
     """Take the name of a fighter as `policies.registry` knows it."""
     inbox, outbox = _move_pipes()
-    faulthandler.register(current_call.SIGNAL, all_threads=False)
-    current_call.mark_prints()
+    faulthandler.register(SIGNAL, all_threads=False)
+    mark_prints()
     try:
         make = load(sys.argv[1])
         precompile(make)

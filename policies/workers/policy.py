@@ -6,6 +6,7 @@ side by side. A network has one for all seats of its client, since it is large a
 
 import atexit
 import os
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.annotations import read_annotations
-from arena.current_call import START, Place
+from arena.bot_calls.current import START, Place
 from arena.errors import PolicyError, UnreadableError
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, rules_values
@@ -125,7 +126,14 @@ class WorkerFactory:
             if worker.failure is None:
                 return worker
             self._workers.discard(worker)
+            self._spare.append(self._start())
         return self._start()
+
+    def count_ready(self) -> int:
+        """Return how many matches can begin without waiting for a process."""
+        if self.is_shared or not self._n_spare:
+            return sys.maxsize
+        return sum(worker.is_loaded or worker.failure is not None for worker in self._spare)
 
     def release(self, worker: Worker) -> None:
         """Take a process back whose match is over; returns at once."""

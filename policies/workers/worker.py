@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from threading import Lock, Thread
 from typing import Any
 
-from arena import current_call
+from arena.bot_calls import stacks
+from arena.bot_calls.current import Place
 from arena.console import clean
 from arena.errors import UnreadableError
 from arena.policy import Faults
@@ -116,7 +117,7 @@ class Worker:
         """Whether it can be asked."""
         self.failure: str | None = None
         """Why it answers no more, in a sentence."""
-        self.asked: tuple[current_call.Place, int] | None = None
+        self.asked: tuple[Place, int] | None = None
         """Where it is asked next, or was asked last."""
         self._dump: bytearray | None = None
         """What it writes to stderr from the moment on that it is to write its stack."""
@@ -157,8 +158,8 @@ class Worker:
             return None
         place, tick = self.asked
         dump = self._dump = bytearray()
-        self._process.send_signal(current_call.SIGNAL)
-        return current_call.tell(place.describe(tick), current_call.await_stack(lambda: bytes(dump)))
+        self._process.send_signal(stacks.SIGNAL)
+        return stacks.describe_stack(place.describe(tick), stacks.await_stack(lambda: bytes(dump)))
 
     def _send(self, message: list[Any], n_answers: int = 0) -> None:
         """Tell it something; nothing comes of that if it has ended."""

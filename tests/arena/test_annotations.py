@@ -68,6 +68,9 @@ def test_an_observation_notes_only_where_somebody_keeps_it(notes: Annotations) -
         ({"path": [(0, 0)] * 401}, "a path has 400 cells at most"),
         ({"heat": np.zeros((20, 19))}, "heat has shape (20, 19), and the board is 20 by 20"),
         ({"heat": [["a"] * 20] * 20}, "heat is an array of numbers"),
+        ({"heat": [[10**400] * 20] * 20}, "heat is an array of numbers"),
+        ({"cell": (1, 2), "colour": np.array(["red", "red"])}, "there is no colour \"['red' 'red']\", only red, orange"),
+        ({"cell": (10**5000, 0)}, "it cannot be read (ValueError)"),
         ({}, "it has no cell, no path and no heat"),
     ],
 )
@@ -91,6 +94,51 @@ def test_heat_is_scaled_to_its_largest_value_and_what_is_no_number_is_nothing(no
     heats = [list(drawing["heat"]) for drawing in kept(notes)["draw"]]
     assert heats[0][:6] == [255, 128, 1, 0, 0, 0]
     assert heats[1] == [0] * 400
+
+
+@pytest.mark.parametrize("largest", [1.6527635528529094, 29.971189053738478, 5e-324])
+def test_the_largest_value_is_full_heat_whatever_it_is(largest: float, notes: Annotations) -> None:
+    notes.draw.heat(np.eye(20) * largest)
+
+    assert kept(notes)["draw"][0]["heat"] == bytes(np.eye(20, dtype=np.uint8) * 255)
+
+
+def test_text_that_no_bytes_stand_for_is_kept_as_question_marks(notes: Annotations) -> None:
+    notes.log("half \ud800")
+    notes.draw.cell(1, 1, "red", "\ud800")
+    notes.draw.path("\ud800")
+
+    assert kept(notes)["log"] == [
+        "half ?",
+        "arena: a drawing was left out: ? is no cell; a cell is a row and a column",
+    ]
+    assert kept(notes)["draw"][0]["text"] == "?"
+
+
+def test_a_path_that_fails_as_it_is_computed_costs_itself_alone(notes: Annotations) -> None:
+    notes.draw.path((0, 1 // column) for column in (1, 0))
+
+    assert kept(notes) == {"log": ["arena: a drawing was left out: it cannot be read (ZeroDivisionError)"], "draw": []}
+
+
+def test_a_value_that_has_no_text_costs_its_line_alone(notes: Annotations) -> None:
+    class Mute:
+        def __str__(self) -> str:
+            raise RuntimeError
+
+    notes.log("before")
+    notes.log("this is", Mute())
+
+    assert kept(notes)["log"] == ["before", "arena: a line was left out: one of its values has no text (RuntimeError)"]
+
+
+def test_drawings_off_the_board_without_end_leave_the_rest_readable(notes: Annotations) -> None:
+    for row in range(3000):
+        notes.draw.cell(20 + row, 0)
+    notes.log("here")
+
+    assert kept(notes)["log"][-1] == "here"
+    assert len(notes.pack()) < MOST_BYTES
 
 
 def test_a_log_without_end_is_cut_and_says_so(notes: Annotations) -> None:

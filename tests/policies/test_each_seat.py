@@ -1,3 +1,4 @@
+from asyncio import CancelledError
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -120,7 +121,7 @@ def test_start_and_end_that_raise_are_counted(observations: Any, event: str) -> 
     assert policy.take_faults(0).raised == 1
 
 
-@pytest.mark.parametrize("error", [SystemExit, RecursionError, MemoryError, AssertionError])
+@pytest.mark.parametrize("error", [SystemExit, RecursionError, MemoryError, AssertionError, CancelledError])
 def test_a_bot_can_stop_itself_alone(observations: Any, error: type[BaseException]) -> None:
     def give_up(observation: Observation) -> Sequence[int]:
         raise error

@@ -7,11 +7,9 @@ same keys, and the orders have to be the same.
 import re
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from statistics import median
-
-import numpy as np
 
 from arena.console import clean
 from arena.errors import PolicyError
@@ -27,8 +25,9 @@ from policies.bot_file import NO_BOT
 from policies.program import PREFIX as PROGRAM
 from policies.workers.files import resolve
 from policies.workers.policy import WorkerFactory
-from tournaments.authoring.findings import Finding, Report, TurnTimes
-from tournaments.authoring.global_chance import find_global_chance
+from tournaments.authoring.findings import AllTurnTimes, Finding, Report
+from tournaments.authoring.global_randomness import find_global_randomness
+from tournaments.authoring.turn_times import TurnTimes
 from tournaments.running.preflight import PATIENCE_S
 from tournaments.running.trial import Trial
 
@@ -229,7 +228,7 @@ class CheckedBot:
         if growth_bytes is not None and growth_bytes > _LEAK_BYTES:
             self._find("memory", f"a process that plays match after match grows by {growth_bytes / 1e6:.1f} MB a match")
         self._find_output()
-        self._find_global_chance()
+        self._find_global_randomness()
         played = [match for match in self._matches if match.points is not None]
         return Report(
             bot=clean(self._spec),
@@ -248,15 +247,12 @@ class CheckedBot:
             findings=tuple(self._findings.values()),
         )
 
-    def _times(self) -> TurnTimes | None:
+    def _times(self) -> AllTurnTimes | None:
         turns = [(took_s, f"tick {tick} of {match}") for match in self._matches for tick, took_s in enumerate(match.took_s)]
         if not turns:
             return None
-        worst_s, worst_at = max(turns)
-        median_s, p99_s = np.percentile([took_s for took_s, _ in turns], [50, 99]).tolist()
-        return TurnTimes(
-            n_turns=len(turns), median_ms=median_s * 1000, p99_ms=p99_s * 1000, worst_ms=worst_s * 1000, worst_at=worst_at
-        )
+        times = TurnTimes.of([took_s for took_s, _ in turns])
+        return AllTurnTimes(**asdict(times), n_turns=len(turns), worst_at=max(turns)[1])
 
     def _find_output(self) -> None:
         """Judge what it printed: of a program, stderr is its own, and lines on stdout that are no answers are noted there."""
@@ -269,14 +265,14 @@ class CheckedBot:
         elif lines:
             self._find("output", f"it prints, the first time: {clean(lines[0])[:_MOST_LETTERS]}", len(lines))
 
-    def _find_global_chance(self) -> None:
+    def _find_global_randomness(self) -> None:
         if not self._spec.endswith(".py"):
             return
         try:
             source = read_file(Path(self._spec), MOST_TEXT_BYTES * 16).decode("utf-8", "replace")
         except OSError:
             return  # it was there when its process loaded it
-        calls = find_global_chance(source)
+        calls = find_global_randomness(source)
         if calls:
             shown = ", ".join(f"{name} (line {line})" for line, name in calls[:_MOST_CALLS_SHOWN])
             more = f" and {len(calls) - _MOST_CALLS_SHOWN} more" if len(calls) > _MOST_CALLS_SHOWN else ""

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.annotations import Annotations
+from arena.bot_calls import stacks
 from arena.console import say, say_lines
-from arena.display.text import name_order, name_unit
+from arena.display.words import name_order, name_unit
 from arena.errors import ArenaError, InputError
 from arena.policy import BatchPolicy, Faults, MatchInfo, explain_refusal, read_actions
 from arena.records.journal import Mark
@@ -25,6 +26,7 @@ from tournaments.authoring.recorded_seat import RecordedSeat, Turn
 
 _ONE_SEAT = np.zeros(1, np.intp)
 _OURS = {__file__, bdb.__file__, pdb.__file__}
+stacks.OURS.add(__file__)
 _CUT_SHORT = ", and what came after is not recorded"
 
 
@@ -109,7 +111,9 @@ def debug(seat: RecordedSeat, spec: str, tick: int | None) -> bool:
             fighter = (_PythonBot if is_bot_file else _Fighter)(spec, seat)
         except ArenaError:
             raise
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - an author's code may raise anything
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # noqa: BLE001 - an author's code may raise anything
             say(f"before tick 0: {describe_error(error, -1)[1]}")
             if tick is not None:
                 _examine(error)
@@ -123,7 +127,9 @@ def _play_again(seat: RecordedSeat, fighter: "_PythonBot | _Fighter", tick: int 
         debugger = _Debugger() if turn.tick == tick else None
         try:
             answer = fighter.answer(turn, debugger)
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - as above
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # noqa: BLE001 - as above
             answer = Answer(None, describe_error(error, turn.tick)[1])
             if tick is not None and turn.tick <= tick:
                 say(answer.why)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any
 
-from arena.console import say
+from arena.console import quantity, say
 from arena.game.types import Team, Termination
 from arena.local.venue import MatchRecord, News
 from arena.policy import MatchResult
@@ -65,13 +65,13 @@ class Feedback:
         is_new = self.hear(News(record.plan.identity, record.result, (blue, red)))
         for team, faults in zip(Team, record.faults, strict=True):
             for kind, (_, n_turns) in faults.reasons.items():
-                reason = self._reasons[_entry(record.plan, team), kind]
+                reason = self._reasons[record.plan.entry(team), kind]
                 reason.n_turns += n_turns
                 reason.n_matches += 1
         if record.result.ending is Termination.FORFEIT:
             for team in Team:
                 if team is not record.result.winner:
-                    self._reasons[_entry(record.plan, team), _FORFEIT].n_matches += 1
+                    self._reasons[record.plan.entry(team), _FORFEIT].n_matches += 1
         return is_new
 
     def summary(self) -> list[str]:
@@ -79,8 +79,8 @@ class Feedback:
         lines = []
         for (entry, kind), reason in self._reasons.items():
             what = _WHEN_AND_WHAT_THEN.sub("", reason.sentence)
-            turns = "" if kind == _FORFEIT else f"{_number(reason.n_turns, 'turn')} in "
-            lines.append(f"{entry}: {what}: {turns}{_number(reason.n_matches, 'match', 'matches')}")
+            turns = "" if kind == _FORFEIT else f"{quantity(reason.n_turns, 'turn')} in "
+            lines.append(f"{entry}: {what}: {turns}{quantity(reason.n_matches, 'match', 'matches')}")
         return lines
 
     def facts(self, entry: str) -> list[dict[str, Any]]:
@@ -104,22 +104,14 @@ class Feedback:
             results = dict(self._results)
         won: Counter[str] = Counter()
         for identity, result in results.items():
-            won["" if result.winner is None else _entry(self._plans[identity], result.winner)] += 1
+            won["" if result.winner is None else self._plans[identity].entry(result.winner)] += 1
         return (
-            f"stopped after {len(results)} of {_number(len(self._plans), 'match', 'matches')}: "
+            f"stopped after {len(results)} of {quantity(len(self._plans), 'match', 'matches')}: "
             f"{one} won {won[one]}, {other} won {won[other]}, {won['']} drawn"
         )
 
     def _tell(self, plan: MatchPlan, team: Team, kind: str, sentence: str) -> None:
-        entry = _entry(plan, team)
+        entry = plan.entry(team)
         if (entry, kind) not in self._reasons:
             self._reasons[entry, kind] = _Reason(match=plan.identity, team=team, sentence=sentence)
             say(f"{entry}, match {plan.identity} as {team.name.lower()}: {sentence}", err=True)
-
-
-def _entry(plan: MatchPlan, team: Team) -> str:
-    return (plan.blue, plan.red)[team]
-
-
-def _number(n: int, one: str, more: str = "") -> str:
-    return f"{n:,} {one if n == 1 else more or f'{one}s'}"

@@ -3,6 +3,9 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from arena.console import quantity
+from tournaments.authoring.turn_times import TurnTimes
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
@@ -23,13 +26,10 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TurnTimes:
-    """How long a bot took for its turns, as its client measures it, in milliseconds."""
+class AllTurnTimes(TurnTimes):
+    """How long all turns of a check took, as a client measures it."""
 
     n_turns: int
-    median_ms: float
-    p99_ms: float
-    worst_ms: float
     worst_at: str
     """As in "tick 17 of match 3, red against rush"."""
 
@@ -52,7 +52,7 @@ class Report:
     wins: int = 0
     draws: int = 0
     losses: int = 0
-    times: TurnTimes | None = None
+    times: AllTurnTimes | None = None
     memory_bytes: int | None = None
     """Of one process that played all matches, after the last; None where the system does not tell."""
     growth_bytes: int | None = None
@@ -77,7 +77,7 @@ class Report:
             else f"played WITHOUT a wall, which a league would build, because {self.no_wall}"
         )
         if self.matches:
-            n_matches = f"{len(self.matches)} match{'es' if len(self.matches) > 1 else ''}"
+            n_matches = quantity(len(self.matches), "match", "matches")
             against = f"under {self.rules} against {', '.join(self.opponents)}"
             lines.append(f"{n_matches} {against}: {self.wins} won, {self.draws} drawn, {self.losses} lost")
         if self.times is not None:

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from statistics import median, quantiles
 from typing import Any
 
 from arena.errors import InputError, UnknownNameError
@@ -18,28 +17,12 @@ from arena.policy import BatchFactory, BatchPolicy, Orders
 from arena.records.journal import journal_name
 from arena.records.plan import MatchPlan
 from policies.registry import OWN, load, load_entry, names, shipped
+from policies.workers.files import resolve
+from tournaments.authoring.turn_times import TurnTimes
 from tournaments.fixture import Tally, plan_fixture, tally
 from tournaments.league.entries import name_of
 
 _LEAGUE = "gauntlet"
-SEED = 1
-"""Without another one, all gauntlets are played on the same maps, so that two of them can be compared pair by pair."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TurnTimes:
-    """How long the bot thought about a turn, in the first pair; in milliseconds."""
-
-    median_ms: float
-    p99_ms: float
-    worst_ms: float
-
-    @classmethod
-    def of(cls, took_s: Sequence[float]) -> "TurnTimes":
-        """Return what some turns took; there is at least one."""
-        took_ms = [1000 * one for one in took_s]
-        p99_ms = quantiles(took_ms, n=100, method="inclusive")[98] if len(took_ms) > 1 else took_ms[0]
-        return cls(median_ms=median(took_ms), p99_ms=p99_ms, worst_ms=max(took_ms))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +36,7 @@ class WorstMap:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Met:
+class Encounter:
     """How the bot did against one opponent."""
 
     opponent: str
@@ -62,6 +45,7 @@ class Met:
     pairs: tuple[float, ...]
     """What it scored in each pair, 0 to 2, in their planned order."""
     turns: TurnTimes
+    """Of the first pair."""
     worst: WorstMap | None
     """None if it lost no match."""
 
@@ -116,11 +100,11 @@ def find_opponents(bot: str, against: str | None) -> tuple[list[str], list[str]]
 
 
 def name_bot(spec: str, opponents: Sequence[str]) -> str:
-    """Return what a bot is called in its matches: as its file, or as the folder of a bot.py, but as no opponent."""
+    """Return what a bot is called in its matches: as its file, or as the folder of one that is called bot, but as no opponent."""
     name = name_of(spec)
-    if name == "bot" and name != spec:
-        name = Path(spec).resolve().parent.name or name
-    name = name.encode("utf-8", "replace").decode()  # a file's name may be no text
+    _, found = resolve(spec)
+    if name == "bot" and found:
+        name = name_of(f"{found[0].parent}.py")
     return f"{name}-2" if name in opponents else name
 
 
@@ -140,7 +124,7 @@ def play_gauntlet(
     n_workers: int | None,
     on_news: OnNews | None,
     advance: Callable[[MatchRecord], None],
-) -> list[Met]:
+) -> list[Encounter]:
     """Play a bot against its opponents, and return how it did against each, the hardest first.
 
     The first pair against each is played in this process, with nothing beside it, to measure how long the bot thinks.
@@ -159,7 +143,7 @@ def play_gauntlet(
     def take(some: Iterator[MatchRecord]) -> None:
         for record in some:
             advance(record)
-            records[record.plan.red if record.plan.blue == name else record.plan.blue].append(record)
+            records[record.plan.entry(record.plan.team(name).other)].append(record)
 
     for opponent, plans in fixtures.items():
         measured = {name: _measured(find(name), took_s[opponent]), opponent: find(opponent)}
@@ -196,11 +180,11 @@ def _count(
     records: Sequence[MatchRecord],
     took_s: Sequence[float],
     journals: Path,
-) -> Met:
+) -> Encounter:
     played = {record.plan.identity: record for record in records}
     in_order = [played[plan.identity] for plan in plans]
-    pairs = tuple(_points(name, one) + _points(name, other) for one, other in zip(in_order[::2], in_order[1::2], strict=True))
-    return Met(
+    pairs = tuple(one.points(name) + other.points(name) for one, other in zip(in_order[::2], in_order[1::2], strict=True))
+    return Encounter(
         opponent=opponent,
         tally=tally(name, opponent, records),
         pairs=pairs,
@@ -212,19 +196,11 @@ def _count(
 def _find_worst(name: str, pairs: Sequence[float], in_order: Sequence[MatchRecord], journals: Path) -> WorstMap | None:
     """Return the pair with the fewest points, of several the one with the lowest scores of the game."""
     number = min(range(len(pairs)), key=lambda pair: (pairs[pair], sum(_score(name, one) for one in in_order[2 * pair :][:2])))
-    match = min(in_order[2 * number :][:2], key=lambda record: (_points(name, record), _score(name, record)))
-    if _points(name, match) > 0:
+    match = min(in_order[2 * number :][:2], key=lambda record: (record.points(name), _score(name, record)))
+    if match.points(name) > 0:
         return None
     return WorstMap(pair=number, points=pairs[number], journal=str(journals / journal_name(match.plan.identity)))
 
 
-def _side(name: str, record: MatchRecord) -> Team:
-    return Team.BLUE if record.plan.blue == name else Team.RED
-
-
-def _points(name: str, record: MatchRecord) -> float:
-    return record.result.points(_side(name, record))
-
-
 def _score(name: str, record: MatchRecord) -> int:
-    return record.result.seen_by(_side(name, record)).score
+    return record.result.seen_by(record.plan.team(name)).score

@@ -125,15 +125,15 @@ def compare(run: str, kept: Mapping[str, Any], fingerprint: str, pairs: Mapping[
     both = {name: list(zip(before[name], scores, strict=False)) for name, scores in pairs.items() if name in before}
     if not both:
         return None
-    chances = {name: chance_of_luck([now - then for then, now in scores]) for name, scores in both.items()}
-    significant = _holm(chances)
+    p_values = {name: sign_flip_p_value([now - then for then, now in scores]) for name, scores in both.items()}
+    significant = _holm(p_values)
     together = [pair for scores in both.values() for pair in scores]
-    chance = chance_of_luck([now - then for then, now in together])
+    p_value = sign_flip_p_value([now - then for then, now in together])
     return Comparison(
         run=run,
         is_same_file=kept.get("fingerprint") == fingerprint,
-        opponents={name: _change(scores, chances[name], name in significant) for name, scores in both.items()},
-        overall=_change(together, chance, chance < _LEVEL),
+        opponents={name: _change(scores, p_values[name], name in significant) for name, scores in both.items()},
+        overall=_change(together, p_value, p_value < _LEVEL),
     )
 
 
@@ -145,14 +145,14 @@ def _is_readable(kept: Any) -> bool:
     )
 
 
-def chance_of_luck(differences: Sequence[float]) -> float:
+def sign_flip_p_value(differences: Sequence[float]) -> float:
     """Return how likely random signs bring a sum of differences at least as far from 0; they are multiples of a half.
 
     Examples
     --------
-    >>> chance_of_luck([1, 1, 1, 1, 0.5])
+    >>> sign_flip_p_value([1, 1, 1, 1, 0.5])
     0.0625
-    >>> chance_of_luck([0, 0, 1, -1])
+    >>> sign_flip_p_value([0, 0, 1, -1])
     1.0
     """
     steps = [round(2 * abs(one)) for one in differences]
@@ -167,19 +167,19 @@ def chance_of_luck(differences: Sequence[float]) -> float:
     return float(min(ways[sums >= found].sum(), 1.0))
 
 
-def _holm(chances: Mapping[str, float]) -> set[str]:
+def _holm(p_values: Mapping[str, float]) -> set[str]:
     """Return those that are significant together: from the smallest on, each is held against its share of the level."""
     found: set[str] = set()
-    for rank, (name, chance) in enumerate(sorted(chances.items(), key=lambda item: item[1])):
-        if chance >= _LEVEL / (len(chances) - rank):
+    for rank, (name, p_value) in enumerate(sorted(p_values.items(), key=lambda item: item[1])):
+        if p_value >= _LEVEL / (len(p_values) - rank):
             break
         found.add(name)
     return found
 
 
-def _change(scores: Sequence[tuple[float, float]], chance: float, is_significant: bool) -> Change:
+def _change(scores: Sequence[tuple[float, float]], p_value: float, is_significant: bool) -> Change:
     before, now = (sum(one) / (2 * len(scores)) for one in zip(*scores, strict=True))
     verdict = "same" if not is_significant else "better" if now > before else "worse"
     return Change(
-        score_before=round(before, 4), score=round(now, 4), n_pairs=len(scores), p_value=round(chance, 6), verdict=verdict
+        score_before=round(before, 4), score=round(now, 4), n_pairs=len(scores), p_value=round(p_value, 6), verdict=verdict
     )

@@ -15,7 +15,7 @@ _TEMPLATE = ".template"
 """Ends the names of templates in Python, which are no modules of ours."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Language:
     """How bots of a language are written, built and run."""
 
@@ -26,55 +26,28 @@ class Language:
     bot_with_memory: str
     build: tuple[str, ...] = ()
     """Command lines."""
-    needs: tuple[str, ...] = ()
-    """Commands that build it and run it."""
-
-    @property
-    def folders(self) -> tuple[str, ...]:
-        """The templates beside those of the language itself."""
-        return ("common", "program") if self.bot.startswith(PROGRAM) else ("common",)
 
 
 LANGUAGES = {
-    "python": Language(
-        source="bot.py", source_with_memory="bot_with_memory.py", bot="bot.py", bot_with_memory="bot_with_memory.py"
-    ),
-    "js": Language(
-        source="bot.js",
-        source_with_memory="bot_with_memory.js",
-        bot="exec:node bot.js",
-        bot_with_memory="exec:node bot_with_memory.js",
-        needs=("node",),
-    ),
+    "python": Language("bot.py", "bot_with_memory.py", "bot.py", "bot_with_memory.py"),
+    "js": Language("bot.js", "bot_with_memory.js", "exec:node bot.js", "exec:node bot_with_memory.js"),
     "c": Language(
-        source="bot.c",
-        source_with_memory="bot_with_memory.c",
-        bot="exec:./bot",
-        bot_with_memory="exec:./bot_with_memory",
-        build=("cc -std=c11 -O2 -o bot bot.c", "cc -std=c11 -O2 -o bot_with_memory bot_with_memory.c"),
-        needs=("cc",),
+        "bot.c", "bot_with_memory.c", "exec:./bot", "exec:./bot_with_memory",
+        ("cc -std=c11 -O2 -o bot bot.c", "cc -std=c11 -O2 -o bot_with_memory bot_with_memory.c"),
     ),
     "rust": Language(
-        source="bot.rs",
-        source_with_memory="bot_with_memory.rs",
-        bot="exec:./bot",
-        bot_with_memory="exec:./bot_with_memory",
-        build=("rustc --edition 2021 -O -o bot bot.rs", "rustc --edition 2021 -O -o bot_with_memory bot_with_memory.rs"),
-        needs=("rustc",),
+        "bot.rs", "bot_with_memory.rs", "exec:./bot", "exec:./bot_with_memory",
+        ("rustc --edition 2021 -O -o bot bot.rs", "rustc --edition 2021 -O -o bot_with_memory bot_with_memory.rs"),
     ),
     "java": Language(
-        source="Bot.java",
-        source_with_memory="BotWithMemory.java",
-        bot="exec:java -jar bot.jar",
-        bot_with_memory="exec:java -cp bot.jar BotWithMemory",
-        build=("javac -d build *.java", "jar --create --file bot.jar --main-class Bot -C build ."),
-        needs=("javac", "jar", "java"),
+        "Bot.java", "BotWithMemory.java", "exec:java -jar bot.jar", "exec:java -cp bot.jar BotWithMemory",
+        ("javac -d build *.java", "jar --create --file bot.jar --main-class Bot -C build ."),
     ),
-}
+}  # fmt: skip
 
 
-def write_bot(folder: Path, language: Language) -> list[str]:
-    """Make a folder with the bots of a language, and return the names of its files.
+def write_bot(folder: Path, language: str) -> list[str]:
+    """Make a folder with the bots of one of the `LANGUAGES`, and return the names of its files.
 
     Raises
     ------
@@ -93,7 +66,7 @@ def write_bot(folder: Path, language: Language) -> list[str]:
     try:
         for template in _templates(language):
             names.append(template.name.removesuffix(_TEMPLATE))
-            text = _fill(template.read_text(encoding="utf-8"), folder.name, language)
+            text = _fill(template.read_text(encoding="utf-8"), folder.name, LANGUAGES[language])
             (folder / names[-1]).write_text(text, encoding="utf-8")
     except OSError as error:
         shutil.rmtree(folder, ignore_errors=True)
@@ -101,11 +74,11 @@ def write_bot(folder: Path, language: Language) -> list[str]:
     return sorted(names)
 
 
-def _templates(language: Language) -> Iterator[Traversable]:
-    room = files("tournaments.authoring") / "templates"
-    own = next(name for name, known in LANGUAGES.items() if known is language)
-    for name in (own, *language.folders):
-        yield from (room / name).iterdir()
+def _templates(language: str) -> Iterator[Traversable]:
+    templates = files("tournaments.authoring") / "templates"
+    is_program = LANGUAGES[language].bot.startswith(PROGRAM)
+    for name in (language, "common", *(["program"] if is_program else [])):
+        yield from (templates / name).iterdir()
 
 
 def _fill(text: str, name: str, language: Language) -> str:

@@ -51,8 +51,6 @@ def open_seat(file: Path, team: Team | None, bot: str) -> RecordedSeat:
         The file cannot be read, or is of another version of the rules; or it is not said whose seat is meant.
     """
     if is_transcript(file):
-        if team is not None:
-            raise InputError("--team is for journals; a transcript is what one seat saw")
         return _seat_of_transcript(load_transcript(file))
     journal = load_journal(file)
     names = journal.header.blue, journal.header.red

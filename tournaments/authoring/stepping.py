@@ -8,18 +8,18 @@ import numpy as np
 from rich.console import Console
 
 from arena.annotations import read_annotations
-from arena.console import say, say_lines
+from arena.console import quantity, say, say_lines
 from arena.display.player import Recording
 from arena.display.scene import Scene, pane_of, scene_of_game, views_of_journal
 from arena.display.terminal_replay import has_keys, play_with_keys
 from arena.errors import InputError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
-from arena.local.saving import make_folder, save
+from arena.local.saving import make_journals_folder, save
 from arena.local.venue import Batch, Load, MatchRecord
 from arena.records.journal import Mark
 from arena.records.plan import MatchPlan
-from tournaments.authoring.kept_output import output_kept_aside
+from tournaments.authoring.captured_output import captured_output
 
 _TICKS_PER_S = 4.0
 TakePrinted = Callable[[], list[str]]
@@ -71,8 +71,8 @@ def step_through(ruleset: Ruleset, plan: MatchPlan, load: Load, team: Team, *, j
     if not has_keys(Console()):
         raise InputError("--step wants a terminal; leave it out, or keep --journals and look at them with `arena replay show`")
     if journals is not None:
-        make_folder(journals)
-    with output_kept_aside() as kept:
+        make_journals_folder(journals)
+    with captured_output() as kept:
         match = SteppedPlay(ruleset, plan, load, team, kept.take)
         recording = Recording(match.scenes())
         play_with_keys(Console(file=kept.terminal), recording, views_of_journal(team), _TICKS_PER_S, is_playing=False)
@@ -86,7 +86,7 @@ def step_through(ruleset: Ruleset, plan: MatchPlan, load: Load, team: Team, *, j
         say(f"blue {plan.blue} against red {plan.red}: {record.result.describe()}")
         for name, faults in zip((plan.blue, plan.red), record.faults, strict=True):
             for sentence, n_turns in faults.reasons.values():
-                say(f"{name}: {sentence} ({n_turns} turn{'s' if n_turns > 1 else ''})")
+                say(f"{name}: {sentence} ({quantity(n_turns, 'turn')})")
             if faults.first_traceback:
                 say("", f"{name} first failed like this:", err=True)
                 say_lines(faults.first_traceback, err=True)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.errors import InputError
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
@@ -21,14 +20,6 @@ _PIT = "local"
 _NO_KEY = bytes(HEAD_BYTES)
 _MOST_SEATS = 32
 """Of one fighter at once: each is an open file."""
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of transcripts, or say in a sentence why it cannot be."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot keep transcripts in {folder}: {error.strerror}") from error
 
 
 def load_transcribed(load: Callable[[str], BatchFactory], opponents: Mapping[str, str], folder: Path, name: str) -> BatchFactory:

@@ -7,12 +7,13 @@ all, and is the second one? Each stops at its own verdict. One that says yes end
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import exp
-from statistics import NormalDist, fmean, stdev
+from statistics import fmean
 from typing import Any
 
-from arena.game.types import Team
+from arena.console import quantity
 from arena.local.venue import MatchRecord
 from arena.records.plan import MatchPlan
+from tournaments.intervals import margin_of
 from tournaments.ratings.sprt import Sprt, Verdict
 from tournaments.running.duel import next_batch
 
@@ -21,7 +22,6 @@ MOST_PAIRS = 2_000
 MARGIN_ELO = 50.0
 _ALPHA = 0.025
 """Of each test, so that of two equal fighters one is called better in at most 5% of comparisons."""
-_Z95 = NormalDist().inv_cdf(0.975)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,13 +86,13 @@ class Comparison:
         tests = (self.first, self.forward), (self.second, self.backward)
         said = [f"{name} better {'no' if test.verdict is Verdict.REJECTED else f'{test.llr:+.2f}'}" for name, test in tests]
         return (
-            f"{_pairs(self.scores)}: {self.first} scores {self._score(self.first)}; "
+            f"{quantity(len(self.scores), 'pair')}: {self.first} scores {self._score(self.first)}; "
             f"log likelihood ratio, yes from {high:+.2f} on, no from {low:+.2f}: {', '.join(said)}"
         )
 
     def says(self) -> str:
         """Return the result in a sentence."""
-        n_pairs, margin_elo = _pairs(self.scores), self.forward.elo1
+        n_pairs, margin_elo = quantity(len(self.scores), "pair"), self.forward.elo1
         if self.better is not None:
             test, other = (self.forward, self.second) if self.better == self.first else (self.backward, self.first)
             return (
@@ -121,7 +121,7 @@ class Comparison:
 
     def _score(self, name: str) -> str:
         points = [score / 2 if name == self.first else 1 - score / 2 for score in self.scores]
-        margin = _Z95 * stdev(points) / len(points) ** 0.5 if len(points) > 1 else 0.0
+        margin = margin_of(points)
         return f"{fmean(points):.2f} +- {margin:.2f}" if margin else f"{fmean(points):.2f}"
 
 
@@ -144,17 +144,7 @@ def play_until_sure(
     while not now.is_decided and (batch := next_batch(plans, records)):
         records.update((record.plan.identity, record) for record in play(batch))
         new = [records[plan.identity] for plan in batch]
-        now = now.add(
-            [_points(now.first, one) + _points(now.first, other) for one, other in zip(new[::2], new[1::2], strict=True)]
-        )
+        now = now.add([one.points(now.first) + other.points(now.first) for one, other in zip(new[::2], new[1::2], strict=True)])
         if not now.is_decided:
             say(now.progress())
     return now, [records[plan.identity] for plan in plans[: 2 * len(now.scores)]]
-
-
-def _points(name: str, record: MatchRecord) -> float:
-    return record.result.points(Team.BLUE if record.plan.blue == name else Team.RED)
-
-
-def _pairs(scores: Sequence[float]) -> str:
-    return f"{len(scores):,} pair{'' if len(scores) == 1 else 's'}"

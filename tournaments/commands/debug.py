@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from arena.errors import InputError
 from policies.cli import complete_policy
 
 
@@ -24,17 +23,15 @@ def debug(
     Without it, the first tick is told at which its orders differ from those that were played; then the exit code is 1.
     """
     from arena.compiling import compile_kernels, game_kernels
-    from arena.game.types import Team
+    from arena.display.team_option import read_team
     from policies.precompile import fighter_kernels
     from tournaments.authoring.check import find_bot
     from tournaments.authoring.debug import debug as debug_bot
     from tournaments.authoring.recorded_seat import open_seat
     from tournaments.league.entries import name_of
 
-    if team not in (None, "blue", "red"):
-        raise InputError(f"--team is {team!r}; it must be blue or red")
     spec = find_bot(policy)
-    seat = open_seat(file, None if team is None else Team[team.upper()], name_of(spec))
+    seat = open_seat(file, read_team(team, file), name_of(spec))
     compile_kernels([*game_kernels(seat.ruleset), *fighter_kernels([spec])])
     if debug_bot(seat, spec, tick):
         raise typer.Exit(1)

@@ -10,7 +10,7 @@ from policies.cli import complete_policy
 
 if TYPE_CHECKING:
     from arena.local.venue import MatchRecord, News
-    from tournaments.authoring.gauntlet import Met
+    from tournaments.authoring.gauntlet import Encounter
     from tournaments.authoring.gauntlet_runs import Change, Comparison
 
 
@@ -35,8 +35,8 @@ def gauntlet(
 
     Each gauntlet is played on the same maps, so two runs are compared pair by pair. The last 20 of a bot and its rules are kept.
     """
+    from arena.bot_calls.marked_output import marked_prints
     from arena.compiling import compile_kernels, game_kernels
-    from arena.current_call import marked_prints
     from arena.folders import data_folder
     from arena.game.ruleset import load as load_rules
     from arena.game.ruleset import parse_overrides
@@ -50,13 +50,14 @@ def gauntlet(
 
     spec = find_bot(bot)
     ruleset = load_rules(rules).with_(parse_overrides(settings or []))
+    place = spec if kind_of_file(spec) is None else str(Path(spec).resolve())  # before a bot leaves this folder
+    data = None if data is None else data.absolute()
     with stdout_to_stderr():
         load(spec)
         opponents, left_out = find_opponents(spec, against)
         compile_kernels([*game_kernels(ruleset), *fighter_kernels([spec, *opponents])])
-    fingerprint = fingerprint_of(spec)
+    fingerprint = fingerprint_of(place)
     name = name_bot(spec, opponents)
-    place = spec if kind_of_file(spec) is None else str(Path(spec).resolve())
     runs = Runs(data_folder(data), name, place, ruleset.hash, str(seed))
     last, run = runs.last(), runs.begin()
     fixtures = plan_gauntlet(name, opponents, pairs, seed)
@@ -74,7 +75,7 @@ def gauntlet(
             met = play_gauntlet(
                 ruleset,
                 fixtures,
-                {opponent: opponent for opponent in opponents} | {name: spec},
+                {opponent: opponent for opponent in opponents} | {name: place},
                 name,
                 journals=run / "journals",
                 n_workers=workers,
@@ -106,7 +107,7 @@ def gauntlet(
 
 
 def _document(
-    facts: dict[str, Any], met: "list[Met]", changes: "Comparison | None", run: Path, left_out: list[str]
+    facts: dict[str, Any], met: "list[Encounter]", changes: "Comparison | None", run: Path, left_out: list[str]
 ) -> dict[str, Any]:
     of = {} if changes is None else changes.opponents
     return {
@@ -120,7 +121,7 @@ def _document(
     }
 
 
-def _print_opponents(met: "list[Met]", changes: "Comparison | None") -> None:
+def _print_opponents(met: "list[Encounter]", changes: "Comparison | None") -> None:
     of = {} if changes is None else changes.opponents
     rows = []
     for one in met:
@@ -151,7 +152,7 @@ def _say_change(change: "Change") -> str:
     return f"{difference}, noise" if change.verdict == "same" else f"{difference}, {change.verdict}"
 
 
-def _print_worst_maps(met: "list[Met]") -> None:
+def _print_worst_maps(met: "list[Encounter]") -> None:
     from shlex import quote
 
     for one in met:

@@ -130,7 +130,7 @@ def _compiling_lines(n_kernels: int, expected_s: float) -> "Iterator[Callable[[]
 
 def _play_league(scheduler: "Scheduler", venue: str, title: str, slots: int, *, is_for_machines: bool) -> None:
     """Play what is left, and say how it goes."""
-    from arena.current_call import marked_prints
+    from arena.bot_calls.marked_output import marked_prints
     from tournaments.venues.table import find_venue
 
     n_done, n_matches = scheduler.n_done, scheduler.n_matches

@@ -23,7 +23,7 @@ def new(
     if language not in LANGUAGES:
         raise UnknownNameError("language", language, LANGUAGES)
     chosen = LANGUAGES[language]
-    say(f"wrote {folder}: {', '.join(write_bot(folder, chosen))}; next:")
+    say(f"wrote {folder}: {', '.join(write_bot(folder, language))}; next:")
     commands = [f"cd {folder}", *chosen.build, f"arena check {_quote(chosen.bot)}", "arena tournament run league.toml"]
     say(*(f"    {command}" for command in commands))
     compile_kernels([*game_kernels(load("paper")), *fighter_kernels(OPPONENTS)])

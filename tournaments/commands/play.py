@@ -77,8 +77,8 @@ def play(
     import secrets
     from contextlib import ExitStack
 
+    from arena.bot_calls.marked_output import marked_prints
     from arena.compiling import compile_kernels, game_kernels
-    from arena.current_call import marked_prints
     from arena.game.keys import secret_from_seed
     from policies.precompile import fighter_kernels
     from tournaments.authoring.feedback import Feedback
@@ -97,6 +97,7 @@ def play(
         plan = plan_fixture("play", first, second, 1, secret_from_seed(seed))[0]
         _step(ruleset, plan, specs, journals, transcripts, sandbox=sandbox, others=others)
         return
+    kept = None if journals is None else journals.absolute()  # a bot may leave this folder
     pairs = pairs or (MOST_PAIRS if until_sure else 10)
     comparison = Comparison.begin(first, second, margin or MARGIN_ELO) if until_sure else None
     plans = plan_fixture("play", first, second, pairs, secret_from_seed(seed))
@@ -118,7 +119,7 @@ def play(
                 advance(feedback.hear(news))
 
             def play_some(some: "Sequence[MatchPlan]") -> "Iterator[MatchRecord]":
-                for record in play_matches(ruleset, some, journals, hear):
+                for record in play_matches(ruleset, some, kept, hear):
                     advance(feedback.count(record))
                     yield record
 
@@ -167,17 +168,22 @@ def _without_clock(
 
 def _loader(specs: dict[str, str], transcripts: Path | None, *, sandbox: bool) -> "Load":
     """Return what loads the fighters by the names of their entries; each has been loaded once."""
+    from arena.folders import make_folder
     from policies.registry import load_entry
     from policies.workers.load import load_apart
-    from tournaments.authoring.transcripts import load_transcribed, make_folder
+    from tournaments.authoring.transcripts import load_transcribed
+    from tournaments.league.entries import kind_of_file
 
-    load = partial(load_apart if sandbox else load_entry, specs, cheats=True)
+    load_one = partial(load_apart if sandbox else load_entry, cheats=True)
+    placed = {name: spec if kind_of_file(spec) is None else str(Path(spec).absolute()) for name, spec in specs.items()}
+    folder = None if transcripts is None else transcripts.absolute()  # before a bot leaves this folder
     for name in specs:
-        load(name)
-    if transcripts is None:
+        load_one(specs, name)
+    load = partial(load_one, placed)
+    if folder is None:
         return load
-    make_folder(transcripts)
-    return partial(load_transcribed, load, dict(zip(specs, reversed(specs), strict=True)), transcripts)
+    make_folder(folder, f"cannot keep transcripts in {transcripts}")
+    return partial(load_transcribed, load, dict(zip(specs, reversed(specs), strict=True)), folder)
 
 
 def _on_the_clock(
@@ -233,7 +239,6 @@ def _step(
 ) -> None:
     """Play one match as somebody looks at it, from A's side."""
     from arena.compiling import compile_kernels, game_kernels
-    from arena.game.types import Team
     from policies.precompile import fighter_kernels
     from tournaments.authoring.stepping import step_through
 
@@ -244,7 +249,7 @@ def _step(
     with stdout_to_stderr():
         load = _loader(specs, transcripts, sandbox=sandbox)
         compile_kernels([*game_kernels(ruleset), *fighter_kernels(specs.values())])
-    step_through(ruleset, plan, load, Team.BLUE if plan.blue == next(iter(specs)) else Team.RED, journals=journals)
+    step_through(ruleset, plan, load, plan.team(next(iter(specs))), journals=journals)
 
 
 def _entries(one: str, other: str) -> dict[str, str]:
@@ -259,7 +264,7 @@ def _own_names(*specs: str) -> list[str]:
     from policies.registry import mark
     from tournaments.league.entries import name_of
 
-    return [name_of(mark(spec)).encode("utf-8", "replace").decode() for spec in specs]  # a file's name may be no text
+    return [name_of(mark(spec)) for spec in specs]
 
 
 def _ruleset(rules: str, settings: list[str], board: Path | None) -> "Ruleset":

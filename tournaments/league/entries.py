@@ -24,8 +24,10 @@ def kind_of_file(spec: str) -> str | None:
 def name_of(spec: str) -> str:
     """Return what an entry without a name is called: a file or a script without its ending, else all that is said of it."""
     if spec.startswith(PROGRAM):
-        return program.name_of(spec.removeprefix(PROGRAM)) or spec
-    return spec if kind_of_file(spec) is None else Path(spec).stem
+        name = program.name_of(spec.removeprefix(PROGRAM)) or spec
+    else:
+        name = spec if kind_of_file(spec) is None else Path(spec).stem
+    return name.encode("utf-8", "replace").decode()  # a file's name may be no text
 
 
 def find_program(spec: str, folder: Path) -> str:

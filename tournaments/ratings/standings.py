@@ -12,6 +12,7 @@ import numpy as np
 
 from arena.game.types import Team, Termination
 from arena.records.plan import LeagueMatchId
+from tournaments.intervals import margin_of
 from tournaments.outcome import Outcome
 from tournaments.ratings.methods import RatingMethod
 from tournaments.ratings.rate import N_DRAWS, Rating, rate
@@ -19,7 +20,6 @@ from tournaments.ratings.residuals import Cycle, Residual, find_cycles, find_res
 
 FAULTS = ("late", "unreadable", "stale", "garbled", "vanished", "raised")
 """What is counted against an entry, in the order of the report's columns."""
-_Z95 = 1.959964
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -205,7 +205,7 @@ def _side_bias(outcomes: Iterable[Outcome]) -> tuple[float, float, float]:
     for outcome in outcomes:
         pairs[LeagueMatchId.parse(outcome.identity).pair_id].append(2 * outcome.result.points(Team.BLUE) - 1)
     leads = np.array([np.mean(games) for _, games in sorted(pairs.items()) if len(games) == 2])
-    if len(leads) < 2:
-        return (float(leads.mean()) if len(leads) else 0.0), -1.0, 1.0
-    bias, margin = float(leads.mean()), _Z95 * float(leads.std(ddof=1)) / len(leads) ** 0.5
+    bias, margin = (float(leads.mean()) if len(leads) else 0.0), margin_of(leads)
+    if margin is None:
+        return bias, -1.0, 1.0
     return bias, max(bias - margin, -1.0), min(bias + margin, 1.0)

@@ -6,11 +6,10 @@ from dataclasses import asdict
 from typing import Any
 
 from arena.records.plan import LeagueMatchId
+from tournaments.intervals import Z95
 from tournaments.outcome import Outcome
 from tournaments.ratings.standings import Record
 from tournaments.reports.tags import MEANINGS
-
-_Z95 = 1.959964
 
 
 def head_to_head(outcomes: Iterable[Outcome], one: str, other: str, tags: Mapping[str, Sequence[str]]) -> dict[str, Any]:
@@ -65,6 +64,6 @@ def _interval(scores: Sequence[float]) -> tuple[float, float]:
     n = len(scores)
     if not n:
         return 0.0, 1.0
-    mean, z2 = sum(scores) / n, _Z95**2
-    centre, margin = mean + z2 / (2 * n), _Z95 * (mean * (1 - mean) / n + z2 / (4 * n * n)) ** 0.5
+    mean, z2 = sum(scores) / n, Z95**2
+    centre, margin = mean + z2 / (2 * n), Z95 * (mean * (1 - mean) / n + z2 / (4 * n * n)) ** 0.5
     return max((centre - margin) / (1 + z2 / n), 0.0), min((centre + margin) / (1 + z2 / n), 1.0)

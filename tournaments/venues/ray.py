@@ -23,7 +23,7 @@ from ray.exceptions import RayError, RayTaskError
 from arena.errors import ArenaError, InputError
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION
-from arena.local.saving import make_folder, save
+from arena.local.saving import make_journals_folder, save
 from arena.local.venue import BarePlan, BareRecord, MatchRecord, dress, play_bare, split, strip
 from arena.records.plan import MatchPlan
 from policies.registry import load_entry
@@ -81,7 +81,7 @@ def play_on_cluster(
     """
     if not plans:
         return
-    make_folder(journals)
+    make_journals_folder(journals)
     bundle = pack(entries)
     by_identity = {plan.identity: plan for plan in plans}
     with _cluster():

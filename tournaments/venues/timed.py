@@ -14,7 +14,7 @@ from threading import Event
 
 from arena.game.ruleset import Ruleset, rules_values
 from arena.game.types import Team
-from arena.local.saving import make_folder, save
+from arena.local.saving import make_journals_folder, save
 from arena.local.venue import MatchRecord, OnNews, announce
 from arena.match.effects import Ask, Effect, End, Write
 from arena.match.match import Match, Phase
@@ -56,7 +56,7 @@ def play(
         records = announce(records, on_news)
     if journals is None:
         return records
-    make_folder(journals)
+    make_journals_folder(journals)
     return save(records, journals)
 
 

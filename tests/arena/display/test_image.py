@@ -107,7 +107,7 @@ def test_without_out_the_picture_lies_here_under_the_name_of_the_match(
 
 @pytest.mark.parametrize("team", Team)
 def test_a_scene_shows_what_a_team_sees_beside_the_truth(file: Path, journal: Journal, team: Team) -> None:
-    frames = read_frames(file, team.name.lower())
+    frames = read_frames(file, team)
 
     for games, frame in zip(replay(journal), frames, strict=True):
         (label, seen), (_, truth) = frame.boards

@@ -16,7 +16,8 @@ from worlds import lay, rules_for
 
 from arena.annotations import Annotations
 from arena.display.scene import scenes_of_transcript
-from arena.display.text import draw_board, format_last_tick
+from arena.display.text import draw_board
+from arena.display.words import format_last_tick
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult

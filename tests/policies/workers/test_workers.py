@@ -21,7 +21,7 @@ from arena.sandbox import bubblewrap
 from arena.sandbox.control_group import ControlGroup
 from arena.sandbox.limits import BEHIND_A_WALL
 from policies.registry import load as load_policy
-from policies.workers.policy import WorkerFactory, WorkerPolicy
+from policies.workers.policy import LOAD_S, WorkerFactory, WorkerPolicy
 
 PAPER = load("paper")
 WAIT_S = 60.0
@@ -42,13 +42,13 @@ def start(tmp_path: Path) -> Iterator[Start]:
     """Start a bot of some code, for a match of one seat."""
     factories = []
 
-    def make(source: str, *, keeps_annotations: bool = False, **settings: object) -> WorkerPolicy:
+    def make(source: str, *, keeps_annotations: bool = False, load_s: float = LOAD_S, **settings: object) -> WorkerPolicy:
         if "\n" in source:
             (tmp_path / "bot.py").write_text(source)
             source = str(tmp_path / "bot.py")
         factory = WorkerFactory(source, **settings)  # type: ignore[arg-type]
         factories.append(factory)
-        factory.prepare(*([2.0] if "patience_s" in settings else []))
+        factory.prepare(load_s)
         policy = factory(PAPER, Team.BLUE, 1)
         policy.keeps_annotations = keeps_annotations
         policy.start(np.arange(1))
@@ -323,6 +323,22 @@ def test_what_a_bot_raises_is_told_with_its_line(start: Start, board: BatchedGam
     assert 'bot.py", line 2, in act' in (policy.take_faults(0).first_traceback or "")
 
 
+def test_it_is_known_how_many_matches_can_begin_without_waiting_for_a_process(start: Start) -> None:
+    policy = start(NOTES, n_spare=2)
+    factory = policy._factory
+    ready = [factory.count_ready()]  # one plays
+
+    policy.end(0, OVER)
+    ready.append(factory.count_ready())  # the next has hardly begun to load
+    factory.wait([], lambda: factory.count_ready() == 2)
+    factory._spare[0].kill()
+    ready.append(factory.count_ready())  # of one that cannot, it is told in the match
+    policy.start(np.arange(1))
+
+    assert ready == [1, 1, 2]
+    assert [worker.failure for worker in factory._spare] == [None]
+
+
 def test_faults_can_be_asked_for_after_the_match(start: Start, board: BatchedGame) -> None:
     policy = start("def act(seen):\n    return 1 / 0\n")
     act(policy, board)
@@ -362,9 +378,9 @@ def test_what_it_prints_is_passed_on_up_to_its_limit_and_then_it_waits(
     ],
 )
 def test_a_bot_that_cannot_start_is_told_of_in_a_sentence(source: str, says: str, start: Start) -> None:
-    patience = {"patience_s": 2.0} if "sleep" in source else {}
+    load_s = 2.0 if "sleep" in source else LOAD_S
     with pytest.raises(PolicyError) as refused:
-        start(source, **walls(), **patience)
+        start(source, **walls(), load_s=load_s)
 
     assert says in str(refused.value)
 

@@ -13,7 +13,7 @@ from arena.game.ruleset import load
 from arena.match.time_control import TimeControl
 from tournaments.authoring.check import check, find_bot
 from tournaments.authoring.findings import Report
-from tournaments.authoring.global_chance import find_global_chance
+from tournaments.authoring.global_randomness import find_global_randomness
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
 Examine = Callable[..., Report]
@@ -198,5 +198,5 @@ def test_the_command_says_it_in_lines_or_as_json_and_by_its_exit_code(here: Aren
         ("def act(", []),
     ],
 )
-def test_calls_of_global_chance_are_found_in_the_source(source: str, found: list[tuple[int, str]]) -> None:
-    assert find_global_chance(source) == found
+def test_calls_of_global_randomness_are_found_in_the_source(source: str, found: list[tuple[int, str]]) -> None:
+    assert find_global_randomness(source) == found

@@ -161,6 +161,17 @@ def test_a_bot_that_cannot_start_is_looked_at_there(debug: Run, bot: Path, journ
     assert any("Team.RED" in line for line in lines)
 
 
+def test_a_bot_that_cancels_itself_or_cannot_be_made_is_told_like_any_other(debug: Run, bot: Path, journal: Path) -> None:
+    change(bot, "return [(", "raise __import__('asyncio').CancelledError; return [(")
+    cancelled, told = debug(journal, "--policy", bot)
+    bot.write_text("class Bot:\n    def __new__(cls, side): pass\n    def act(self, observation): pass\n")
+    unmade, said = debug(journal, "--policy", bot)
+
+    assert (cancelled, unmade) == (1, 1)
+    assert told[1].startswith("tick 0: asyncio.exceptions.CancelledError (mine.py, line ")
+    assert said[1].startswith("before tick 0: TypeError: Bot.__new__() missing 1 required positional argument: 'side'; all")
+
+
 def test_a_turn_that_failed_in_the_match_is_told_once_and_a_repaired_bot_differs(here: Run, debug: Run, bot: Path) -> None:
     change(bot, "return [(", "return [1] if observation.tick in (3, 5) else [(")
     here("play", bot, "rush", "--pairs", 1, "--seed", 4, "--workers", 1, "--set", "tick_limit=9", "--journals", bot.parent / "k")

@@ -13,8 +13,8 @@ from arena.errors import InputError, UnknownNameError
 from arena.game.types import Team
 from arena.records.journal import load_journal
 from policies.registry import OWN, REFERENCES, shipped
-from tournaments.authoring.gauntlet import SEED, TurnTimes, find_opponents, name_bot
-from tournaments.commands.gauntlet import gauntlet
+from tournaments.authoring.gauntlet import find_opponents, name_bot
+from tournaments.authoring.turn_times import TurnTimes
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 STAY = "def act(observation):\n    return [0 for _ in observation.units]\n"
@@ -48,12 +48,24 @@ def run(here: Run, bot: Path, tmp_path: Path) -> Callable[..., dict[str, Any]]:
     return play
 
 
+def test_a_bot_that_leaves_its_folder_is_found_and_its_run_is_kept(
+    here: Run, bot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    bot.write_text(f"import os\nos.chdir('/')\n{STAY}")
+
+    done = here("gauntlet", bot.name, "--against", "rush", "--data", "data", "--pairs", 1, *SMALL)
+
+    assert done.returncode == 0, done.stderr
+    assert len(list((tmp_path / "data").rglob("*.journal"))) == 2
+
+
 def test_every_opponent_is_met_and_the_hardest_stands_first(run: Callable[..., dict[str, Any]]) -> None:
     begun_s = time.perf_counter()
     found = run("--pairs", 3)
     took_ms = 1000 * (time.perf_counter() - begun_s)
 
-    assert (found["name"], found["seed"], found["pairs"], found["left_out"], found["since"]) == ("mybot", SEED, 3, [], None)
+    assert (found["name"], found["seed"], found["pairs"], found["left_out"], found["since"]) == ("mybot", 1, 3, [], None)
     assert {one["opponent"] for one in found["opponents"]} == {"rush", "patrol"}
     assert [one["score"] for one in found["opponents"]] == sorted(one["score"] for one in found["opponents"])
     for one in found["opponents"]:
@@ -162,9 +174,15 @@ def test_opponents_that_are_none_are_refused() -> None:
         find_opponents("mybot.py", "oracle_rush")
 
 
-def test_a_bot_is_called_as_its_file_or_its_folder_and_as_no_opponent(tmp_path: Path) -> None:
+def test_a_bot_is_called_as_its_file_or_its_folder_and_as_no_opponent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "tiger"
+    folder.mkdir()
+    for file in ("bot", "bot.js", "bot.py"):
+        (folder / file).touch()
+    monkeypatch.chdir(folder)
+
     assert name_bot("some/mybot.py", ["rush"]) == "mybot"
-    assert name_bot(str(tmp_path / "tiger" / "bot.py"), ["rush"]) == "tiger"
+    assert {name_bot(spec, ["rush"]) for spec in (str(folder / "bot.py"), "exec:./bot", "exec:node bot.js")} == {"tiger"}
     assert name_bot("rush.py", ["rush"]) == "rush-2"
 
 
@@ -174,8 +192,3 @@ def test_the_times_of_turns_are_their_median_99th_percentile_and_worst() -> None
     assert (times.median_ms, times.worst_ms) == (50.5, 100)
     assert 99 <= times.p99_ms < 100
     assert TurnTimes.of([0.002]) == TurnTimes(median_ms=2, p99_ms=2, worst_ms=2)
-
-
-def test_the_seed_of_the_command_is_the_one_that_all_gauntlets_share() -> None:
-    assert gauntlet.__defaults__ is not None
-    assert SEED in gauntlet.__defaults__

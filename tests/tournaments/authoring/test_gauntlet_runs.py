@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import tournaments.authoring.gauntlet_runs as module
 from arena.errors import InputError
-from tournaments.authoring.gauntlet_runs import MOST_RUNS, Runs, chance_of_luck, compare
+from tournaments.authoring.gauntlet_runs import MOST_RUNS, Runs, compare, sign_flip_p_value
 
 WON, LOST = [2.0] * 10, [0.0] * 10
 
@@ -109,11 +109,11 @@ def test_of_many_opponents_each_is_held_to_a_higher_standard() -> None:
 
 
 @given(st.lists(st.sampled_from([-2, -1.5, -1, -0.5, 0, 0.5, 1, 1.5, 2]), max_size=8))
-def test_the_chance_of_luck_is_that_of_all_signs(differences: list[float]) -> None:
+def test_the_sign_flip_p_value_is_that_of_all_signs(differences: list[float]) -> None:
     all_signs = product((-1, 1), repeat=len(differences))
     sums = [abs(sum(sign * one for sign, one in zip(signs, differences, strict=True))) for signs in all_signs]
 
-    assert chance_of_luck(differences) == pytest.approx(sum(one >= abs(sum(differences)) for one in sums) / len(sums))
+    assert sign_flip_p_value(differences) == pytest.approx(sum(one >= abs(sum(differences)) for one in sums) / len(sums))
 
 
 def test_a_kept_result_is_json_that_a_person_can_read(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from arena.game.types import Team
 from arena.local.venue import play_batch
 from arena.records.journal import read_journal
 from policies.registry import load_entry
-from tournaments.authoring.kept_output import output_kept_aside
+from tournaments.authoring.captured_output import captured_output
 from tournaments.authoring.stepping import SteppedPlay
 from tournaments.fixture import plan_fixture
 
@@ -69,7 +69,7 @@ def test_it_is_the_match_that_is_played_at_once_and_no_further_than_it_is_looked
 
 
 def test_what_is_printed_is_kept_aside_by_whatever_means(capfd: pytest.CaptureFixture[str]) -> None:
-    with output_kept_aside() as kept:
+    with captured_output() as kept:
         os.write(1, b"one\n")
         os.write(2, b"two\n")
         subprocess.run(["echo", "three"], check=True)

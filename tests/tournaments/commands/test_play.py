@@ -248,9 +248,14 @@ def begin_slow_matches(bot: Callable[..., Path], workers: int) -> subprocess.Pop
         "import sys, threading\n\ndef act(observation):\n"
         "    print('thinking', file=sys.stderr, flush=True)\n    threading.Event().wait(0.2)\n    return []\n"
     )
+    return begin_matches(str(path), workers)
+
+
+def begin_matches(spec: str, workers: int) -> subprocess.Popen[str]:
+    """Start matches, in a session of their own, and return once a fighter says that it is thinking."""
     # A shell that runs these tests in the background has its children ignore interrupts.
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from tournaments.cli import main; main()"
-    command = [sys.executable, "-c", code, "play", str(path), "random", "--pairs", "500", "--workers", str(workers)]
+    command = [sys.executable, "-c", code, "play", spec, "random", "--pairs", "500", "--workers", str(workers)]
     playing = subprocess.Popen(command, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert playing.stderr is not None
     for line in playing.stderr:
@@ -279,6 +284,26 @@ def test_an_interrupt_ends_it_and_says_where_each_bot_is(
     )
     assert len(where) >= 1
     assert all(map(place.fullmatch, where)), err
+
+
+def test_a_bot_that_leaves_its_folder_and_its_streams_takes_nothing_with_it(bot: Callable[..., Path], tmp_path: Path) -> None:
+    bot(f"import os, sys\nos.chdir('/')\nsys.stdout = sys.stderr = None\n{EAST}")
+    command = ["play", "mybot.py", "random", "--pairs", "1", "--journals", "kept", "--transcripts", "seen"]
+
+    done = subprocess.run([*ARENA, *command], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+
+    assert (done.returncode, "2 matches" in done.stdout) == (0, True), done.stderr
+    assert [len(list((tmp_path / folder).iterdir())) for folder in ("kept", "seen")] == [2, 4]
+
+
+def test_an_interrupt_ends_programs_that_never_answer(bot: Callable[..., Path]) -> None:
+    code = "import sys, threading\nprint('[1] thinking', file=sys.stderr, flush=True)\nthreading.Event().wait()\n"
+    playing = begin_matches(f"exec:{sys.executable} {bot(code)}", workers=2)
+
+    os.kill(playing.pid, signal.SIGINT)
+    playing.communicate(timeout=60)  # returns when no process holds the pipes: no program is left
+
+    assert playing.returncode == 130
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])

@@ -11,7 +11,7 @@ _MOST_BYTES = 1 << 14
 """That are kept of what is taken at once."""
 
 
-class KeptOutput:
+class CapturedOutput:
     """What was written to stdout and stderr since, and the terminal that stdout was."""
 
     def __init__(self, kept: IO[bytes], terminal: TextIO) -> None:
@@ -33,7 +33,7 @@ class KeptOutput:
 
 
 @contextmanager
-def output_kept_aside() -> Iterator[KeptOutput]:
+def captured_output() -> Iterator[CapturedOutput]:
     """Keep aside what anybody writes to stdout and stderr, by whatever means, this process's children included."""
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
@@ -42,7 +42,7 @@ def output_kept_aside() -> Iterator[KeptOutput]:
         for number in former:
             os.dup2(kept.fileno(), number)
         try:
-            yield KeptOutput(kept, terminal)
+            yield CapturedOutput(kept, terminal)
         finally:
             for stream in (sys.stdout, sys.stderr):
                 stream.flush()

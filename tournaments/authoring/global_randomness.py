@@ -10,7 +10,7 @@ _SEEDABLE = {"random.Random", "numpy.random.default_rng", "numpy.random.RandomSt
 _OF_A_SEED = {"Generator", "PCG64", "PCG64DXSM", "Philox", "MT19937", "SFC64", "BitGenerator"}
 
 
-def find_global_chance(source: str) -> list[tuple[int, str]]:
+def find_global_randomness(source: str) -> list[tuple[int, str]]:
     """Return the calls of global randomness in Python source: line and name, as in (12, "random.choice").
 
     Names are followed through `import` and `from ... import` alone; what is assigned or handed on is not seen. Source that is not
