@@ -2,6 +2,7 @@
 
 import faulthandler
 import linecache
+import logging
 import os
 import re
 import signal
@@ -14,6 +15,7 @@ from pathlib import Path
 from arena.bot_calls import marked_output
 from arena.bot_calls.current import current, read_shared, share
 
+logger = logging.getLogger(__name__)
 OURS: set[str] = set()
 """Files of ours that call bots; the frames within are the bots' own. Each adds itself."""
 SIGNAL = signal.SIGUSR1
@@ -66,8 +68,12 @@ def _line(file: str, number: int, function: str) -> str:
 def share_stack(folder: str) -> None:
     """Let another process see, by files in a folder, where the bots of this one are; its main thread calls them."""
     path = Path(folder) / str(os.getpid())
-    share(path)
-    faulthandler.register(SIGNAL, path.with_suffix(".stack").open("wb"), all_threads=False)
+    try:
+        share(path)
+        faulthandler.register(SIGNAL, path.with_suffix(".stack").open("wb"), all_threads=False)
+    except OSError as error:  # a full disk: the bots play all the same
+        logger.info("nobody can see where the bots of this process are: %s", error)
+        path.unlink(missing_ok=True)
 
 
 def describe_stacks(folder: str, pids: Iterable[int]) -> Iterator[str]:

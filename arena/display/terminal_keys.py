@@ -5,7 +5,7 @@ import re
 import signal
 import termios
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 _NAMED = {
@@ -39,8 +39,11 @@ def _name(sent: bytes) -> str:
 
 
 @contextmanager
-def keys_at_once(descriptor: int, on_resize: Callable[[], object]) -> Iterator[None]:
-    """Have a terminal send each key at once, unshown, until the end, however that comes; hear of each change of its size.
+def keys_at_once(descriptor: int) -> Iterator[int]:
+    """Have a terminal send each key at once, unshown, until the end, however that comes.
+
+    Yields a pipe's end that has bytes to read after a signal, as at each change of the terminal's size: whoever waits for keys waits
+    for it too. The signal itself may be handed to another thread, and wakes nobody who waits in this one.
 
     Ctrl-C stays Ctrl-C. Ctrl-Z does nothing: a stopped program would leave the terminal as it is. SIGTERM and SIGHUP end the
     program by `SystemExit`, so that all is put back.
@@ -50,15 +53,21 @@ def keys_at_once(descriptor: int, on_resize: Callable[[], object]) -> Iterator[N
         raise SystemExit(128 + number)
 
     before = termios.tcgetattr(descriptor)
-    heard = dict.fromkeys((signal.SIGTERM, signal.SIGHUP), leave) | {signal.SIGWINCH: lambda *_: on_resize()}
+    heard = dict.fromkeys((signal.SIGTERM, signal.SIGHUP), leave) | {signal.SIGWINCH: lambda *_: None}
+    reads, writes = os.pipe()
+    os.set_blocking(writes, False)
+    former_wakeup = signal.set_wakeup_fd(writes, warn_on_full_buffer=False)
     former = {number: signal.signal(number, handler) for number, handler in heard.items()}
     try:
         tty.setcbreak(descriptor)
         mode = termios.tcgetattr(descriptor)
         mode[tty.CC][termios.VSUSP] = bytes([os.fpathconf(descriptor, "PC_VDISABLE")])
         termios.tcsetattr(descriptor, termios.TCSADRAIN, mode)
-        yield
+        yield reads
     finally:
         termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
         for number, handler in former.items():
             signal.signal(number, handler)
+        signal.set_wakeup_fd(former_wakeup)
+        os.close(reads)
+        os.close(writes)

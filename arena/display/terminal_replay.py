@@ -38,26 +38,21 @@ def play_with_keys(
     """
     player = Player(recording, views, ticks_per_s, time.monotonic(), is_playing=is_playing)
     player.has_numbers = not console.no_color  # a number in a narrow cell tells its team by colour alone
-    reads, writes = os.pipe()
     keys, descriptor = KeyReader(), sys.stdin.fileno()
-    try:
-        with (
-            keys_at_once(descriptor, lambda: os.write(writes, b"\0")),
-            Live(console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False) as live,
-        ):
-            while not player.is_over:
-                live.update(draw_player(player, *console.size), refresh=True)
-                ready, _, _ = select.select([descriptor, reads], [], [], player.wait_s(time.monotonic()))
-                if reads in ready:
-                    os.read(reads, 1 << 10)
-                if descriptor in ready:
-                    sent = os.read(descriptor, 1 << 10)
-                    for key in keys.feed(sent) if sent else ["q"]:
-                        player.press(key, time.monotonic())
-                player.advance(time.monotonic())
-    finally:
-        os.close(reads)
-        os.close(writes)
+    with (
+        keys_at_once(descriptor) as signalled,
+        Live(console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False) as live,
+    ):
+        while not player.is_over:
+            live.update(draw_player(player, *console.size), refresh=True)
+            ready, _, _ = select.select([descriptor, signalled], [], [], player.wait_s(time.monotonic()))
+            if signalled in ready:
+                os.read(signalled, 1 << 10)
+            if descriptor in ready:
+                sent = os.read(descriptor, 1 << 10)
+                for key in keys.feed(sent) if sent else ["q"]:
+                    player.press(key, time.monotonic())
+            player.advance(time.monotonic())
     if recording.error is not None:
         raise recording.error
 

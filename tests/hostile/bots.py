@@ -16,7 +16,7 @@ def act(seen):
     if seen.tick == 0:
         names = {names!r}
         for root, folders, files in os.walk("/"):
-            if root.startswith(("/proc", "/usr")):
+            if root.startswith(("/proc", "/usr")) or root.endswith("site-packages"):  # everybody has what is in there
                 folders[:] = []
                 continue
             for file in files:

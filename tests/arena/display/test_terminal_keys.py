@@ -2,9 +2,11 @@
 
 import os
 import pty
+import select
 import signal
 import termios
 from collections.abc import Iterator
+from threading import Thread, get_ident
 
 import pytest
 
@@ -44,7 +46,7 @@ def test_a_terminal_is_as_before_after_a_signal(terminal: int, number: signal.Si
     before, handler = termios.tcgetattr(terminal), signal.getsignal(number)
 
     def end_while_keys_are_read() -> None:
-        with keys_at_once(terminal, lambda: None):
+        with keys_at_once(terminal):
             assert not termios.tcgetattr(terminal)[3] & (termios.ICANON | termios.ECHO)
             signal.raise_signal(number)
 
@@ -57,7 +59,7 @@ def test_a_terminal_is_as_before_after_a_signal(terminal: int, number: signal.Si
 
 
 def test_ctrl_c_is_heard_and_ctrl_z_is_not(terminal: int) -> None:
-    with keys_at_once(terminal, lambda: None):
+    with keys_at_once(terminal):
         mode = termios.tcgetattr(terminal)
 
     assert mode[3] & termios.ISIG
@@ -65,10 +67,12 @@ def test_ctrl_c_is_heard_and_ctrl_z_is_not(terminal: int) -> None:
     assert mode[6][termios.VSUSP] == b"\0"
 
 
-def test_a_new_size_is_told(terminal: int) -> None:
-    told: list[bool] = []
+def test_a_new_size_wakes_who_waits_whichever_thread_gets_the_signal(terminal: int) -> None:
+    with keys_at_once(terminal) as signalled:
+        thread = Thread(target=lambda: signal.pthread_kill(get_ident(), signal.SIGWINCH))
+        thread.start()
+        woken = select.select([signalled], [], [], 60.0)[0]
+        thread.join()
 
-    with keys_at_once(terminal, lambda: told.append(True)):
-        signal.raise_signal(signal.SIGWINCH)
-
-    assert told == [True]
+    assert woken == [signalled]
+    assert signal.set_wakeup_fd(-1) == -1
