@@ -41,7 +41,9 @@ class JournalDownload:
             message = decode(payload) if payload else None
         except ProtocolError as error:
             raise UnreadableError(f"the journal cannot be had: {error}") from error
-        if isinstance(message, Refusal | Wait):
+        if isinstance(message, Refusal):
+            raise RefusedError(f"the journal cannot be had: {message.reason}")
+        if isinstance(message, Wait):
             raise RefusedError(f"the journal is not to be seen {message.reason}")
         if not isinstance(message, JournalPiece) or message.n_bytes > _MOST_BYTES or not message.data:
             raise LostPitError("the journal cannot be had: the pit is gone")

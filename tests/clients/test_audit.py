@@ -324,7 +324,7 @@ def test_a_journal_of_one_piece_is_asked_for_once(played: Played, tmp_path: Path
 @pytest.mark.parametrize(
     ("answer", "sentence"),
     [
-        (Refusal(reason="today"), "the journal is not to be seen today"),
+        (Refusal(reason="there is none"), "the journal cannot be had: there is none"),
         (Wait(reason="until the last match of these two is over"), "the journal is not to be seen until the last match of these"),
         (ChallengeRequest(), "the journal cannot be had: the pit is gone"),
         (JournalPiece(n_bytes=0, offset=0, data=b""), "the journal cannot be had: the pit is gone"),
