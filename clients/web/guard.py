@@ -1,11 +1,11 @@
 """What stands before every request: who may ask, and what a browser may do with the answer. Plain ASGI.
 
 A page on the loopback is within reach of every page that its user opens elsewhere. So the Host header must name this server (a
-stranger's name that was made to point here does not), a WebSocket, and whatever sends something along, must come from a page of
-this server, and a browser is told to load nothing from anywhere else.
+stranger's name that was made to point here does not), only a page of this server may open a WebSocket, send something along or load
+parts, and a browser is told to load nothing from anywhere else.
 """
 
-from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping, MutableMapping
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -41,7 +41,7 @@ _EMBEDDED_HEADERS = HEADERS | {"content-security-policy": _POLICY.replace("frame
 _RAW_HEADERS = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
 _RAW_EMBEDDED_HEADERS = [(name.encode(), value.encode()) for name, value in _EMBEDDED_HEADERS.items()]
 _READING = ("GET", "HEAD")
-_NOT_OURS = b"only pages of this server may send it something\n"
+_NOT_OURS = b"only pages of this server may load its parts, or send it something\n"
 _REFUSED = b"this server is called otherwise; arena web --name says by which names it may be called\n"
 
 
@@ -70,7 +70,8 @@ class Guard:
         if not is_known:
             await _refuse(send, 421, _REFUSED)
             return
-        if scope["method"] not in _READING and not is_same_origin(headers.get("origin", ""), host):
+        is_sent_along = scope["method"] not in _READING
+        if _is_part_of_a_strangers_page(headers) or (is_sent_along and not is_same_origin(headers.get("origin", ""), host)):
             await _refuse(send, 403, _NOT_OURS)
             return
 
@@ -87,6 +88,11 @@ class Guard:
 async def _refuse(send: Send, status: int, sentence: bytes) -> None:
     await send({"type": "http.response.start", "status": status, "headers": _RAW_HEADERS})
     await send({"type": "http.response.body", "body": sentence})
+
+
+def _is_part_of_a_strangers_page(headers: Mapping[str, str]) -> bool:
+    """Whether a browser asks for it as an image, a script or data of a page from elsewhere, and not to open it."""
+    return headers.get("sec-fetch-site") in ("cross-site", "same-site") and headers.get("sec-fetch-mode") != "navigate"
 
 
 def is_same_origin(origin: str, host: str) -> bool:

@@ -74,6 +74,23 @@ def test_only_a_page_of_this_server_may_send_something_along(origin: str, is_let
     assert sent[0]["status"] == (200 if is_let_in else 403)
 
 
+@pytest.mark.parametrize(
+    ("site", "mode", "is_let_in"),
+    [
+        ("cross-site", "no-cors", False),
+        ("same-site", "cors", False),
+        ("cross-site", "navigate", True),
+        ("same-origin", "cors", True),
+        ("none", "navigate", True),
+    ],
+)
+def test_no_page_of_others_loads_a_part_of_this_server(site: str, mode: str, is_let_in: bool) -> None:
+    fetch = {"sec-fetch-site": site, "sec-fetch-mode": mode}
+    reached, _ = ask("http", path="/api/download/gif/1", host="localhost", **fetch)
+
+    assert reached == is_let_in
+
+
 @pytest.mark.parametrize("host", ["evil.example:8000", "", "127.0.0.1.evil.example", "::1"])
 def test_a_strangers_name_that_was_made_to_point_here_is_refused(host: str) -> None:
     reached, sent = ask("http", host=host)
