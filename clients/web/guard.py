@@ -1,8 +1,8 @@
 """What stands before every request: who may ask, and what a browser may do with the answer. Plain ASGI.
 
 A page on the loopback is within reach of every page that its user opens elsewhere. So the Host header must name this server (a
-stranger's name that was made to point here does not), only a page of this server may open a WebSocket, send something along or load
-parts, and a browser is told to load nothing from anywhere else.
+stranger's name that was made to point here does not), only a page of this server may open a WebSocket, send something along or
+load parts, and a browser is told to load nothing from anywhere else.
 """
 
 from collections.abc import Awaitable, Callable, Iterable, Mapping, MutableMapping
