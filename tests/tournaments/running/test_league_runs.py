@@ -280,10 +280,10 @@ def test_the_page_fetches_nothing_and_its_links_lead_to_journals(tmp_path: Path)
 
     page = to_html(report, place, tmp_path / "journals" / "friday")
 
-    links = [link for link in read_page(page).links if link != "data:,"]
+    links = [link for link in read_page(page).links if link != "data:," and not link.startswith("#")]
     assert len(links) == 12 + 1
     assert all((place.parent / unquote(link)).resolve().exists() for link in links)
-    assert not re.search(r"https?:|//", page.replace("<!doctype", "").partition("<script>")[0])
+    assert not re.search(r"""https?:|["'(]//""", page.replace("<!doctype", "").partition("<script")[0])
 
 
 def test_a_name_that_is_markup_stays_text(tmp_path: Path) -> None:
