@@ -79,6 +79,7 @@ def play(
 
     from arena.bot_calls.marked_output import marked_prints
     from arena.compiling import compile_kernels, game_kernels
+    from arena.folders import make_folder
     from arena.game.keys import secret_from_seed
     from policies.precompile import fighter_kernels
     from tournaments.authoring.feedback import Feedback
@@ -112,6 +113,8 @@ def play(
                 )
             else:
                 play_matches = _on_the_clock(specs, turn_time, bank, fighters, sandbox=sandbox, workers=workers)
+            if kept is not None:
+                make_folder(kept, f"cannot keep journals in {journals}")
             compile_kernels([*game_kernels(ruleset), *fighter_kernels(specs.values())])
         with stdout_to_stderr(), progress_bar(len(plans), f"{first} against {second}") as advance, marked_prints():
 
