@@ -26,6 +26,12 @@ def forget(group: int) -> None:
         (_folder / f"group.{group}").unlink(missing_ok=True)
 
 
+def end_noted() -> None:
+    """End the groups that were noted in this process' folder: it is about to end, and nobody else is left to do it."""
+    if _folder is not None:
+        end_groups(str(_folder))
+
+
 def end_groups(folder: str) -> None:
     """End the groups of processes that have ended."""
     for path in Path(folder).glob("group.*"):

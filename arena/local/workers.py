@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from arena.bot_calls.groups import end_groups, share_groups
+from arena.bot_calls.groups import end_groups, end_noted, share_groups
 from arena.bot_calls.marked_output import mark_prints
 from arena.bot_calls.stacks import describe_stacks, share_stack
 from arena.errors import ArenaError
@@ -104,8 +104,7 @@ def _begin(folder: str, sender: "Connection", lock: "Lock") -> None:
     _to_parent = sender, lock
     os.dup2(2, 1)
     mark_prints()
-    with suppress(OSError):  # of a disk that is full: an interrupt then tells of no stack, and the work is done
-        share_stack(folder)
+    share_stack(folder)
     share_groups(folder)
     follow_parent()
 
@@ -119,4 +118,5 @@ def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
+        end_noted()
         os.kill(os.getpid(), signal.SIGKILL)
