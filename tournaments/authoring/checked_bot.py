@@ -101,7 +101,8 @@ class CheckedBot:
         except PolicyError as error:
             if NO_BOT in str(error):
                 raise PolicyError(str(error).partition(" cannot start: ")[2] or str(error)) from error
-            self._find("load", f"it cannot start: {str(error).partition(' cannot start: ')[2] or error}", is_fatal=True)
+            why = str(error).partition(" cannot start: ")[2] or str(error)
+            self._find("load", f"it cannot start: {why}{self._hint(why)}", is_fatal=True)
             return None
         return time.monotonic() - begun_s
 
@@ -131,7 +132,8 @@ class CheckedBot:
         faults = trial.start()
         if faults.raised:
             why = next((sentence for sentence, _ in faults.reasons.values()), "it failed, and says nothing of it")
-            self._find("start", f"it fails when a match starts: {why.partition('; all its units')[0]}", is_fatal=True)
+            why = why.partition("; all its units")[0]
+            self._find("start", f"it fails when a match starts: {why}{self._hint(why)}", is_fatal=True)
             return
         clock, n_missed = SeatClock(self._clock, 0.0), 0
         clock.go_on(0.0)
@@ -174,7 +176,12 @@ class CheckedBot:
                 continue
             _, _, why = sentence.rpartition(f"tick {tick}: ")
             line = self._line_of(faults.first_traceback, why)
-            self._find(f"orders {kind}", f"tick {tick} of {match}: {why}{line}", count)
+            self._find(f"orders {kind}", f"tick {tick} of {match}: {why}{line}{self._hint(why)}", count)
+
+    def _hint(self, why: str) -> str:
+        """Return what a bot's author may not know who reads that something is missing."""
+        is_missing = self._has_wall and ("FileNotFoundError" in why or "ModuleNotFoundError" in why)
+        return "; behind its wall a bot sees its own file and what is installed with the arena" if is_missing else ""
 
     def _how_it_failed(self, match: CheckedMatch, tick: int, sentence: str) -> str:
         why = sentence.partition(": ")[2].partition("; all its units")[0]

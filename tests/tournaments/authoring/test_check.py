@@ -1,6 +1,7 @@
 """What a check finds of a bot: each fault in a sentence, with its tick, and whether a league would take the bot."""
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -135,6 +136,15 @@ def test_what_a_league_would_refuse_is_told_in_a_sentence(examine: Examine, sour
 
     assert not report.is_accepted
     assert says in " ".join(finding.sentence for finding in report.findings if finding.is_fatal)
+
+
+def test_a_bot_that_misses_a_file_hears_what_there_is_behind_its_wall(examine: Examine, tmp_path: Path) -> None:
+    (tmp_path / "weights.txt").write_text("1 2 3")
+    report = examine(f"open({str(tmp_path / 'weights.txt')!r})\n")
+
+    if report.no_wall is not None and not os.environ.get("ARENA_REQUIRE_ALL"):
+        pytest.skip(report.no_wall)
+    assert sentences(report)["load"].endswith("; behind its wall a bot sees its own file and what is installed with the arena")
 
 
 def test_a_program_is_checked_and_its_lines_that_are_no_json_are_told(tmp_path: Path) -> None:
