@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, ConsoleDimensions, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
@@ -44,7 +44,8 @@ def play_with_keys(
         Live(console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False) as live,
     ):
         while not player.is_over:
-            live.update(draw_player(player, *console.size), refresh=True)
+            console.size = size = ConsoleDimensions(*os.get_terminal_size(descriptor))  # COLUMNS may say what was once so
+            live.update(draw_player(player, *size), refresh=True)
             ready, _, _ = select.select([descriptor, signalled], [], [], player.wait_s(time.monotonic()))
             if signalled in ready:
                 os.read(signalled, 1 << 10)

@@ -24,8 +24,7 @@ class Terminal:
     def __init__(self, *arguments: object) -> None:
         self._end, end = pty.openpty()
         self.resize(24, 80)
-        fixed = ("COLUMNS", "LINES")  # which would stand above its true size
-        environment = {name: value for name, value in os.environ.items() if name not in fixed} | {"TERM": "xterm-256color"}
+        environment = {**os.environ, "TERM": "xterm-256color"}
         self.process = subprocess.Popen(
             [*ARENA, *map(str, arguments)], stdin=end, stdout=end, stderr=end, env=environment, start_new_session=True
         )

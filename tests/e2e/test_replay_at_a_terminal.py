@@ -22,7 +22,10 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return min(folder.glob("*.journal"))
 
 
-def test_keys_step_through_a_journal_and_leave_the_terminal_as_it_was(terminal: Open, file: Path) -> None:
+def test_keys_step_through_a_journal_and_leave_the_terminal_as_it_was(
+    terminal: Open, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")  # as a shell may have it, from before the window was made larger
     scenes = list(scenes_of_journal(load_journal(file)))
     event, last = next(scene.tick for scene in scenes if scene.is_event), len(scenes) - 1
     screen = terminal("replay", "show", file)
