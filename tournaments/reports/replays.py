@@ -40,9 +40,7 @@ def read_journal_file(folder: Path, identity: str) -> bytes:
     """Return the journal of a league's match; `JournalError` if it cannot be read."""
     path = folder / journal_name(identity)
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise JournalError(f"the journal {path.name} is too long to be one")
-        return read_file(path)
+        return read_file(path, _MOST_BYTES)
     except OSError as error:
         raise JournalError(f"the journal {path.name} cannot be read: {error.strerror}") from error
 

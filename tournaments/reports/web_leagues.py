@@ -62,23 +62,26 @@ class Leagues:
 
     def head_to_head(self, name: str, one: str, other: str) -> dict[str, Any]:
         """Return how two entries of a league fared against each other; tags that need a journal once it may be seen."""
-        elo = {row["entry"]: row["elo"] for row in self.report(name)["standings"]}
+        report = self.report(name)
+        elo = {row["entry"]: row["elo"] for row in report["standings"]}
         for entry in (one, other):
             if entry not in elo:
                 raise UnknownNameError("entry", entry, elo)
         with self._open() as store:
-            outcomes = store.outcomes(store.get(name))
+            league = store.get(name)
+            outcomes = store.outcomes(league)
         tags = tag_results(outcomes, elo)
+        visible = find_visible((each.identity for each in outcomes), league.n_pairs, is_complete=report["matches"]["complete"])
         for outcome in outcomes:
-            if {outcome.blue, outcome.red} == {one, other}:
-                with suppress(ArenaError):  # it may not be seen yet, is gone, or does not hold, as its replay says
+            if {outcome.blue, outcome.red} == {one, other} and outcome.identity in visible:
+                with suppress(ArenaError):  # its journal is gone, or does not hold, as its replay says
                     tags.setdefault(outcome.identity, []).extend(self._tag_course(name, outcome))
         return {"league": name, **head_to_head(outcomes, one, other, tags)}
 
     def _tag_course(self, name: str, outcome: Outcome) -> list[str]:
         key = name, outcome.identity
         if key not in self._courses:
-            self._courses[key] = read_course(read_journal(self.journal(*key)))
+            self._courses[key] = read_course(read_journal(read_journal_file(self._folders.journals(name), outcome.identity)))
         return tag_course(outcome.result, self._courses[key])
 
     def ladders(self) -> list[str]:
