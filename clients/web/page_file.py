@@ -9,23 +9,9 @@ from hashlib import sha256
 from html import escape
 from typing import Any
 
-from clients.web.routes import ASSETS
+from clients.web.routes import ASSETS, IMPORT, find_modules
 
-SCRIPTS = (
-    "dom.js",
-    "board.js",
-    "events.js",
-    "scene.js",
-    "timeline.js",
-    "legend.js",
-    "player.js",
-    "address.js",
-    "replay.js",
-    "file.js",
-)
-"""Each behind those that it imports. A file has no modules to import, so all of them become one, and no two may name the same."""
 STYLES = ("style.css", "player.css")
-_IMPORT = re.compile(r'^import \{[^}]*\} from "\./[\w.]+";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(async )?function|class|const)", re.MULTILINE)
 
 
@@ -51,7 +37,8 @@ def player_page() -> tuple[str, str]:
 
 @cache
 def _shell() -> tuple[str, str]:
-    script = "\n" + "".join(_EXPORT.sub("", _IMPORT.sub("", _read(name))) for name in SCRIPTS)
+    # A file has no modules to import, so all of them become one, and no two may name the same.
+    script = "\n" + "".join(_EXPORT.sub("", IMPORT.sub("", _read(name))) for name in find_modules("file.js"))
     style = "\n" + "".join(_read(name) for name in STYLES)
     source = _hash(script)
     policy = f"default-src 'none'; script-src '{source}'; style-src '{_hash(style)}'; base-uri 'none'; form-action 'none'"

@@ -11,6 +11,8 @@ from functools import cache
 from html import escape
 from pathlib import Path
 
+from clients.web.guard import EMBEDDED
+
 ASSETS = Path(__file__).parent / "assets"
 
 
@@ -24,14 +26,12 @@ class Page:
     """In `assets/`."""
     link: str = ""
     """What it is called in the navigation; it stands there only if it is called something."""
-    is_embedded: bool = False
-    """Whether pages of others may show it in a frame; then it has no navigation."""
 
 
 PAGES = (
     Page(path="/", script="lobby.js", link="Lobby"),
     Page(path="/match/{match}", script="match.js"),
-    Page(path="/embed/match/{match}", script="embed.js", is_embedded=True),
+    Page(path=f"{EMBEDDED}match/{{match}}", script="embed.js"),
     Page(path="/open", script="open.js", link="Open"),
     Page(path="/play", script="play.js", link="Play"),
     Page(path="/league", script="league.js", link="Leaderboard"),
@@ -55,18 +55,15 @@ RECORDINGS = {"download": "/api/download/{form}/{match}", "open": "/api/open/{fo
 """What `clients.web.recordings` answers by the names of its handlers; a page sends a file along to the second."""
 SOCKETS = {"watch_match": "/ws/match/{match}", "play_match": "/ws/play"}
 """Where a page may stay connected, likewise."""
-
-
-_IMPORT = re.compile(r'^import .* from "\./([\w.]+)";$', re.MULTILINE)
+IMPORT = re.compile(r'^import \{[^}]*\} from "\./([\w.]+)";\n', re.MULTILINE)
+"""A line of an asset that imports another."""
 
 
 @cache
 def find_modules(script: str) -> tuple[str, ...]:
-    """Return an asset and all that it imports: a browser that is told of them asks for all at once, not for one by the other."""
-    found = [script]
-    for name in found:
-        found += [one for one in _IMPORT.findall((ASSETS / name).read_text(encoding="utf-8")) if one not in found]
-    return tuple(found)
+    """Return an asset and all that it imports, each behind what it imports itself."""
+    imported = IMPORT.findall((ASSETS / script).read_text(encoding="utf-8"))
+    return tuple(dict.fromkeys([*(one for name in imported for one in find_modules(name)), script]))
 
 
 def render(page: Page, parameters: dict[str, str]) -> str:
@@ -82,7 +79,8 @@ def render(page: Page, parameters: dict[str, str]) -> str:
         "routes": QUESTIONS | RECORDINGS | SOCKETS,
     }
     shell = (ASSETS / "index.html").read_text(encoding="utf-8")
-    shell = shell.replace("<body>", '<body class="bare">') if page.is_embedded else shell
+    shell = shell.replace("<body>", '<body class="bare">') if page.path.startswith(EMBEDDED) else shell
+    # A browser that is told of them asks for all at once, and not for one by the other.
     modules = "".join(f'<link rel="modulepreload" href="/assets/{name}">\n' for name in find_modules(page.script))
     shell = shell.replace("{modules}\n", modules)
     return shell.replace("{links}", links).replace("{start}", escape(json.dumps(start)))
