@@ -6,7 +6,6 @@ told apart by the colour-blind, and the shapes in print.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from io import BytesIO
 from pathlib import Path
 
@@ -20,10 +19,9 @@ from arena.errors import InputError
 from arena.game.engine import BatchedGame
 from arena.game.state import StateField
 from arena.game.types import FLAGS, UAVS, UGVS, Code, Team
-from arena.records.framing import load
-from arena.records.journal import Journal, load_journal, read_journal
+from arena.records.journal import Journal
 from arena.records.replay import replay
-from arena.records.transcript import Transcript, begins_transcript, is_transcript, load_transcript, read_transcript
+from arena.records.transcript import Transcript
 
 Cell = tuple[int, int]
 """(row, column)."""
@@ -64,21 +62,16 @@ class ImageFrame:
     """Cells of flags that were captured in this tick."""
 
 
-def count_ticks(path: Path) -> int:
-    """Return the number of the last tick that a journal or a transcript can show; -1 if it can show none."""
-    return len(load_transcript(path).ticks) - 1 if is_transcript(path) else len(load_journal(path).ticks)
+def last_tick(recording: Journal | Transcript) -> int:
+    """Return the number of the last tick that there is a frame of; -1 if there is none."""
+    return len(recording.ticks) - isinstance(recording, Transcript)
 
 
-def read_frames(path: Path, team: Team | None) -> Iterator[ImageFrame]:
-    """Return the frame of every tick of a journal's file, as `frames_of` does, or of a transcript's."""
-    return load(path, partial(frames_of, team=team))
-
-
-def frames_of(data: bytes, team: Team | None) -> Iterator[ImageFrame]:
-    """Return the frame of every tick of a journal's or a transcript's bytes; `team` is whose view of a journal."""
-    if begins_transcript(data):
-        return _of_transcript(read_transcript(data))
-    return _of_journal(read_journal(data), Team.BLUE if team is None else team)
+def frames_of(recording: Journal | Transcript, team: Team | None) -> Iterator[ImageFrame]:
+    """Return the frame of every tick; `team` is whose view of a journal, blue's without it."""
+    if isinstance(recording, Transcript):
+        return _of_transcript(recording)
+    return _of_journal(recording, Team.BLUE if team is None else team)
 
 
 def _of_journal(journal: Journal, team: Team) -> Iterator[ImageFrame]:

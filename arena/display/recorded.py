@@ -7,8 +7,8 @@ from pathlib import Path
 from arena.display.scene import Scene, View, scenes_of_journal, scenes_of_transcript, views_of_journal, views_of_transcript
 from arena.display.words import format_last_tick, format_losses
 from arena.game.types import Team
-from arena.records.journal import load_journal
-from arena.records.transcript import Transcript, is_transcript, load_transcript
+from arena.records.recording import load_recording
+from arena.records.transcript import Transcript
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -20,8 +20,8 @@ class RecordedMatch:
     last: int
     """The number of the last; -1 if there is none."""
     views: tuple[View, ...]
-    epilogue: tuple[str, ...]
-    """How it ended, in lines, not clean."""
+    epilogue: Iterator[str]
+    """How it ended, in lines, not clean; once, and made when it is asked for."""
     is_of_one_seat: bool
 
 
@@ -33,21 +33,20 @@ def open_match(file: Path, team: Team | None) -> RecordedMatch:
     JournalError
         It cannot be read.
     """
-    if is_transcript(file):
-        transcript = load_transcript(file)
+    recording = load_recording(file)
+    if isinstance(recording, Transcript):
         return RecordedMatch(
-            scenes=scenes_of_transcript(transcript),
-            last=len(transcript.ticks) - 1,
-            views=views_of_transcript(transcript.header.team),
-            epilogue=tuple(_tell_the_end(transcript)),
+            scenes=scenes_of_transcript(recording),
+            last=len(recording.ticks) - 1,
+            views=views_of_transcript(recording.header.team),
+            epilogue=_tell_the_end(recording),
             is_of_one_seat=True,
         )
-    journal = load_journal(file)
     return RecordedMatch(
-        scenes=scenes_of_journal(journal),
-        last=len(journal.ticks),
+        scenes=scenes_of_journal(recording),
+        last=len(recording.ticks),
         views=views_of_journal(Team.BLUE if team is None else team),
-        epilogue=() if journal.ending is None else (journal.ending.describe(),),
+        epilogue=iter(() if recording.ending is None else (recording.ending.describe(),)),
         is_of_one_seat=False,
     )
 

@@ -11,6 +11,8 @@ from arena.errors import InputError
 
 if TYPE_CHECKING:
     from arena.game.types import Team
+    from arena.records.journal import Journal
+    from arena.records.transcript import Transcript
 
 _FORMS = ("gif", "png", "html")
 
@@ -35,9 +37,9 @@ def export_match(
     and remembered. An HTML file has all views, its controls, and what the bot of a transcript noted.
     """
     from arena.compiling import compile_rules
-    from arena.display.image import count_ticks
     from arena.display.team_option import read_team
-    from arena.records.transcript import is_transcript
+    from arena.records.journal import Journal
+    from arena.records.recording import load_recording
 
     form = _choose_form(out, gif=as_gif, png=as_png, html=as_html)
     if form != "png" and tick is not None:
@@ -45,10 +47,11 @@ def export_match(
     view = read_team(team, file)
     if form == "html" and team is not None:
         raise InputError("--team is for pictures; --html shows both views")
-    if count_ticks(file) >= 0 and not is_transcript(file):  # a journal is played again
+    recording = load_recording(file)
+    if isinstance(recording, Journal):  # which is played again
         compile_rules()
     target = out or Path(file.with_suffix(f".{form}").name)
-    n_ticks = _write_page(file, target) if form == "html" else _draw(file, target, form, tick, view, cell, speed)
+    n_ticks = _write_page(file, target) if form == "html" else _draw(recording, target, form, tick, view, cell, speed)
     say(f"{target}: {quantity(n_ticks, 'tick')}, {target.stat().st_size / 1000:,.0f} kB")
 
 
@@ -74,14 +77,16 @@ def _write_page(file: Path, target: Path) -> int:
     return len(match["ticks"])
 
 
-def _draw(file: Path, target: Path, form: str, tick: int | None, team: "Team | None", cell: int, speed: float) -> int:
+def _draw(
+    recording: "Journal | Transcript", target: Path, form: str, tick: int | None, team: "Team | None", cell: int, speed: float
+) -> int:
     from arena.console import progress_bar
-    from arena.display.image import count_ticks, draw, read_frames, save_gif, save_png
+    from arena.display.image import draw, frames_of, last_tick, save_gif, save_png
 
-    last = count_ticks(file)
+    last = last_tick(recording)
     if tick is not None and not 0 <= tick <= last:
         raise InputError(f"--tick is {tick}; the match has {f'ticks 0 to {last}' if last >= 0 else 'no ticks'}")
-    frames = read_frames(file, team)
+    frames = frames_of(recording, team)
     if form == "png":
         save_png(draw(next(islice(frames, last if tick is None else tick, None)), cell), target)
         return 1

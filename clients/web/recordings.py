@@ -20,6 +20,7 @@ from arena.display.replay_frames import MOST_TICKS, describe_recording
 from arena.errors import ArenaError, InputError
 from arena.game.types import Team
 from arena.protocol.topics import is_chunk
+from arena.records.recording import read_recording
 from clients.web.page_file import page_file
 from clients.web.pit import PitClient
 from clients.web.providers import Leagues
@@ -122,7 +123,7 @@ def make_gif(data: bytes, query: QueryParams) -> bytes:
     if last > MOST_TICKS:
         raise InputError(f"a GIF shows ticks up to {MOST_TICKS:,} here; arena replay export has no bound")
     pictures = []
-    for frame in islice(frames_of(data, Team[team.upper()] if team else None), first, last + 1):
+    for frame in islice(frames_of(read_recording(data), Team[team.upper()] if team else None), first, last + 1):
         side = len(frame.boards[0][1])
         pictures.append(draw(frame, max(_GIF_BOARD_PIXELS // side, 4)))
     if not pictures:

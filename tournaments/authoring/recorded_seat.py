@@ -10,9 +10,10 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team
 from arena.protocol.observation_codec import ObservationReader
-from arena.records.journal import Journal, Mark, load_journal
+from arena.records.journal import Journal, Mark
+from arena.records.recording import load_recording
 from arena.records.replay import replay
-from arena.records.transcript import Transcript, is_transcript, load_transcript
+from arena.records.transcript import Transcript
 
 
 class Turn(NamedTuple):
@@ -50,15 +51,15 @@ def open_seat(file: Path, team: Team | None, bot: str) -> RecordedSeat:
     InputError
         The file cannot be read, or is of another version of the rules; or it is not said whose seat is meant.
     """
-    if is_transcript(file):
-        return _seat_of_transcript(load_transcript(file))
-    journal = load_journal(file)
-    names = journal.header.blue, journal.header.red
+    recording = load_recording(file)
+    if isinstance(recording, Transcript):
+        return _seat_of_transcript(recording)
+    names = recording.header.blue, recording.header.red
     named = [seat for seat in Team if names[seat] == bot]
     if team is None and len(named) != 1:
         who = "both seats are" if named else "no seat is"
         raise InputError(f"{who} {bot} in {file}, which blue {names[0]} and red {names[1]} played; say --team blue or --team red")
-    return _seat_of_journal(journal, named[0] if team is None else team)
+    return _seat_of_journal(recording, named[0] if team is None else team)
 
 
 def _seat_of_transcript(transcript: Transcript) -> RecordedSeat:

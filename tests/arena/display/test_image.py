@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from arena.display.image import ImageFrame, draw, read_frames
+from arena.display.image import ImageFrame, draw, frames_of
 from arena.game.observation import Observation
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Code, Team
@@ -19,6 +19,7 @@ from arena.policy import BatchFactory
 from arena.protocol.observation_codec import ObservationWriter
 from arena.records.journal import Journal, read_journal
 from arena.records.plan import MatchPlan
+from arena.records.recording import load_recording
 from arena.records.replay import replay
 from arena.records.transcript import TranscriptHeader, TranscriptWriter
 from policies import registry
@@ -88,7 +89,7 @@ def test_a_png_shows_one_tick_the_last_if_none_is_named(here: Run, file: Path, t
     out = tmp_path / "a.png"
     done = here("replay", "export", file, "--png", "--out", out, *([] if tick is None else ["--tick", tick]))
 
-    frames = list(read_frames(file, None))
+    frames = list(frames_of(load_recording(file), None))
     assert done.returncode == 0
     with Image.open(out) as image:
         assert image.format == "PNG"
@@ -107,7 +108,7 @@ def test_without_out_the_picture_lies_here_under_the_name_of_the_match(
 
 @pytest.mark.parametrize("team", Team)
 def test_a_scene_shows_what_a_team_sees_beside_the_truth(file: Path, journal: Journal, team: Team) -> None:
-    frames = read_frames(file, team)
+    frames = frames_of(load_recording(file), team)
 
     for games, frame in zip(replay(journal), frames, strict=True):
         (label, seen), (_, truth) = frame.boards
@@ -120,7 +121,7 @@ def test_a_scene_shows_what_a_team_sees_beside_the_truth(file: Path, journal: Jo
 
 def test_a_fallen_unit_is_marked_in_the_tick_in_which_it_fell_and_in_no_other(file: Path, journal: Journal) -> None:
     states = [(games.state.alive[0].copy(), games.state.cell[0].copy()) for games in replay(journal)]
-    frames = list(read_frames(file, None))
+    frames = list(frames_of(load_recording(file), None))
     fell = [frozenset()]
     for (before, _), (after, cells) in pairwise(states):
         fell.append(
@@ -132,7 +133,7 @@ def test_a_fallen_unit_is_marked_in_the_tick_in_which_it_fell_and_in_no_other(fi
 
 
 def test_the_flag_that_was_captured_is_marked_in_the_last_tick(file: Path) -> None:
-    *frames, last = read_frames(file, None)
+    *frames, last = frames_of(load_recording(file), None)
 
     assert all(not frame.captured for frame in frames)
     [flag] = last.captured
@@ -147,7 +148,7 @@ def test_units_that_fought_and_live_are_marked(
     path = tmp_path / "fight.journal"
     path.write_bytes(played(rules, blue=every_tick([2]), red=every_tick([0])).journal or b"")
 
-    fought = [frame.fought for frame in read_frames(path, None)]
+    fought = [frame.fought for frame in frames_of(load_recording(path), None)]
 
     assert fought[0] == frozenset()
     assert fought[-1] == {(1, 2), (1, 4)}
@@ -157,7 +158,7 @@ def test_a_transcript_shows_what_its_seat_saw_and_remembered(
     here: Run, transcript: Path, file: Path, journal: Journal, tmp_path: Path
 ) -> None:
     seen = [games.observe()[Team.RED].seat(0, journal.header.ruleset) for games in replay(journal)][:-1]
-    frames = list(read_frames(transcript, None))
+    frames = list(frames_of(load_recording(transcript), None))
 
     assert [frame.title for frame in frames] == ["bob plays red against ann"] * len(seen)
     for one, frame in zip(seen, frames, strict=True):
@@ -259,7 +260,7 @@ def test_below_the_boards_stands_what_the_shapes_mean() -> None:
 
 
 def test_a_name_of_a_megabyte_costs_a_picture_no_more_than_a_long_one(file: Path) -> None:
-    frame = next(read_frames(file, None))
+    frame = next(frames_of(load_recording(file), None))
 
     pictures = [draw(replace(frame, title=title), CELL) for title in (1_000_001 * "A", 1_000 * "A", 100 * "A\n")]
 
