@@ -5,6 +5,7 @@ from typing import Protocol
 
 from tournaments.outcome import Outcome
 from tournaments.plug_ins import find_plug_in
+from tournaments.ratings.normal import rate_normal
 from tournaments.ratings.rate import N_DRAWS, Ratings, rate
 
 GROUP = "arena.ratings"
@@ -21,7 +22,7 @@ class RatingMethod(Protocol):
         """Rate every entry of `names`, with matches or without; `n_draws` is the effort that intervals are worth."""
 
 
-_OWN: dict[str, RatingMethod] = {DEFAULT: rate}
+_OWN: dict[str, RatingMethod] = {DEFAULT: rate, "normal": rate_normal}
 
 
 def find_method(name: str = DEFAULT) -> RatingMethod:

@@ -67,12 +67,13 @@ def rate(names: Sequence[str], outcomes: Sequence[Outcome], *, are_maps_fresh: b
         Bootstrap draws behind the intervals; the same every time.
     """
     names = sorted(names)
-    strata = _strata(names, outcomes, are_maps_fresh=are_maps_fresh)
+    strata = units_of(names, outcomes, are_maps_fresh=are_maps_fresh)
     best = fit(count(len(names), sum(strata, Counter()))[None])[0]
     return _summarise(names, best, bootstrap(len(names), strata, best, n_draws))
 
 
-def _strata(names: Sequence[str], outcomes: Iterable[Outcome], *, are_maps_fresh: bool) -> list[Counter[Unit]]:
+def units_of(names: Sequence[str], outcomes: Iterable[Outcome], *, are_maps_fresh: bool) -> list[Counter[Unit]]:
+    """Return how often each kind of unit was seen: of pairs, or by side of matches where maps are fresh."""
     index = {name: number for number, name in enumerate(names)}
     games: list[tuple[str, Game]] = []
     for outcome in outcomes:
