@@ -14,21 +14,15 @@ favour a side make `rho` negative, and strengths the more certain.
 A fit of 200 entries takes some 50 ms however many matches there are, so a season is rated anew after every match.
 """
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
-from scipy.stats import rankdata
 
-from tournaments.intervals import Z95
-from tournaments.outcome import Outcome
-from tournaments.ratings.bootstrap import Unit, count
-from tournaments.ratings.davidson import ELO, Floats, chances, fit, posterior
-from tournaments.ratings.rate import LEVEL, N_DRAWS, Rating, Ratings, units_of
+from tournaments.ratings.bootstrap import Unit
+from tournaments.ratings.davidson import ELO, Floats, Links, chances, fit, posterior
+from tournaments.ratings.links import choose_links
 
-_SEED = 20_031
 _POINTS = np.array([1, 0.5, 0])
 """Blue's, where blue won, drew and lost."""
 _FEW = 1.0
@@ -45,6 +39,8 @@ class Posterior:
     draw: float
     covariance: Floats
     """Of strengths, side and draw, shape (entries + 2, entries + 2)."""
+    links: Links | None = None
+    """Between versions, if there are any that the data favour."""
 
     @property
     def parameters(self) -> Floats:
@@ -68,7 +64,13 @@ class Posterior:
         return deviations
 
 
-def fit_counts(counts: Floats, pairs: Mapping[Unit, int] | None = None, *, start: Posterior | None = None) -> Posterior:
+def fit_counts(
+    counts: Floats,
+    pairs: Mapping[Unit, int] | None = None,
+    *,
+    follows: Sequence[tuple[int, int]] = (),
+    start: Posterior | None = None,
+) -> Posterior:
     """Return the posterior of a league.
 
     Parameters
@@ -77,16 +79,33 @@ def fit_counts(counts: Floats, pairs: Mapping[Unit, int] | None = None, *, start
         How often blue `i` beat, drew with and lost to red `j`, shape (entries, entries, 3).
     pairs
         How often each kind of pair was seen, of the same matches; without them, matches are independent.
+    follows
+        Each version of an entry that has one after it, and that one; see `links`.
     start
         An earlier posterior of the same entries, from which the fit is nearer.
     """
+    known = _fit(counts, pairs, None, None if start is None else start.parameters)
+    links = choose_links(known.strengths, known.difference_deviations, follows)
+    return _fit(counts, pairs, links, known.parameters) if links else known
+
+
+def _fit(counts: Floats, pairs: Mapping[Unit, int] | None, links: Links | None, start: Floats | None) -> Posterior:
     n = len(counts)
-    best = fit(counts[None], start=None if start is None else start.parameters)[0]
+    best = fit(counts[None], start=start, links=links)[0]
     hessian = posterior(best[None], counts[None], np.zeros((1, n + 2)))[2][0]
+    if links:
+        differences = links.differences(n)
+        hessian = hessian + links.deviation**-2 * differences.T @ differences
     covariance = np.linalg.inv(hessian)
     if pairs:
         covariance = covariance + covariance @ _shared(best, covariance, pairs) @ covariance
-    return Posterior(strengths=best[:n], side=float(best[n]), draw=float(best[n + 1]), covariance=(covariance + covariance.T) / 2)
+    return Posterior(
+        strengths=best[:n],
+        side=float(best[n]),
+        draw=float(best[n + 1]),
+        covariance=(covariance + covariance.T) / 2,
+        links=links,
+    )
 
 
 def _shared(best: Floats, covariance: Floats, pairs: Mapping[Unit, int]) -> Floats:
@@ -117,57 +136,3 @@ def _shared(best: Floats, covariance: Floats, pairs: Mapping[Unit, int]) -> Floa
     shared[:n, :n] = np.diag(weight.sum(axis=1)) - weight
     shared[n, n] = -weight.sum() / 2
     return shared
-
-
-def rate_normal(
-    names: Sequence[str], outcomes: Sequence[Outcome], *, are_maps_fresh: bool = False, n_draws: int = N_DRAWS
-) -> Ratings:
-    """Rate the entries of a league; a `RatingMethod`.
-
-    `n_draws` are of the normal distribution, for the ranges of ranks alone.
-    """
-    names = sorted(names)
-    units: Counter[Unit] = sum(units_of(names, outcomes, are_maps_fresh=are_maps_fresh), Counter())
-    return summarise(names, fit_counts(count(len(names), units), None if are_maps_fresh else units), n_draws=n_draws)
-
-
-def summarise(names: Sequence[str], known: Posterior, *, n_draws: int = N_DRAWS) -> Ratings:
-    """Return the ratings of a posterior; `names` are those of its strengths."""
-    n = len(names)
-    elo, covariance = known.centred
-    margin = Z95 * np.sqrt(np.diag(covariance))
-    rank = rankdata(-elo.round(6), method="min").astype(int)
-    low, high = _rank_ranges(elo, covariance, n_draws)
-    deviations = ELO * known.difference_deviations
-    np.fill_diagonal(deviations, 1)
-    above = ndtr((elo[:, None] - elo[None, :]) / deviations)
-    side, side_margin = ELO * known.side, Z95 * ELO * known.covariance[n, n] ** 0.5
-    nu = float(np.exp(known.draw))
-    return Ratings(
-        entries={
-            name: Rating(
-                elo=float(elo[i]),
-                elo_low=float(elo[i] - margin[i]),
-                elo_high=float(elo[i] + margin[i]),
-                rank=int(rank[i]),
-                rank_low=int(min(low[i], rank[i])),
-                rank_high=int(max(high[i], rank[i])),
-            )
-            for i, name in enumerate(names)
-        },
-        superiority={(one, other): float(above[i, j]) for i, one in enumerate(names) for j, other in enumerate(names) if i != j},
-        side_elo=side,
-        side_elo_low=side - side_margin,
-        side_elo_high=side + side_margin,
-        draw_rate=nu / (nu + 2),
-    )
-
-
-def _rank_ranges(elo: Floats, covariance: Floats, n_draws: int) -> tuple[Floats, Floats]:
-    """Return the ends of the ranks that each entry has in `LEVEL` of the draws; the same every time."""
-    values, vectors = np.linalg.eigh(covariance)
-    normals = np.random.default_rng(_SEED).normal(size=(n_draws, len(elo)))
-    drawn = elo + normals @ (vectors * np.sqrt(np.maximum(values, 0))).T
-    ranks = np.argsort(np.argsort(-drawn, axis=1), axis=1) + 1
-    low, high = np.quantile(ranks, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0, method="nearest").astype(int)
-    return low, high

@@ -9,8 +9,7 @@ import pytest
 from made_leagues import NU, play
 
 from tournaments.ratings.methods import RatingMethod
-from tournaments.ratings.normal import rate_normal
-from tournaments.ratings.rate import rate
+from tournaments.ratings.rate import rate, rate_normal
 from tournaments.ratings.sprt import expected_score, log_likelihood_ratio
 
 DRAWS = (300, 1_000)

@@ -9,8 +9,8 @@ from arena.game.types import Team
 from tournaments.ratings.bootstrap import count
 from tournaments.ratings.davidson import ELO, PRIOR_STRENGTH, fit
 from tournaments.ratings.methods import find_method
-from tournaments.ratings.normal import fit_counts, rate_normal
-from tournaments.ratings.rate import rate, units_of
+from tournaments.ratings.normal import fit_counts
+from tournaments.ratings.rate import rate, rate_normal, units_of
 
 NAMES = ["00", "01", "02", "03", "04", "05"]
 
