@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -81,12 +81,22 @@ class League:
         return {
             "ruleset": self.ruleset.name,
             "rules": self.ruleset.hash,
-            "entries": {name: fingerprint_of(self.commands.get(name, spec)) for name, spec in sorted(self.entries.items())},
+            "entries": {name: fingerprint_of(spec, self.commands.get(name, "")) for name, spec in sorted(self.entries.items())},
             "clock": {"turn_time_s": time_control.turn_time_s, "bank_s": time_control.bank_s, "grace_s": time_control.grace_s},
             **({"maps": self.maps} if self.maps != League.maps else {}),
             **({"challenger": self.challenger} if self.challenger is not None else {}),
             **({"sprt": {name: getattr(sprt, name) for name in BOUNDS}} if sprt is not None else {}),
         }
+
+    def labelled(self, labels: Mapping[str, str]) -> "League":
+        """Return the league with its entries called as their versions are; `labels` is by entry."""
+        return replace(
+            self,
+            entries={labels[name]: spec for name, spec in self.entries.items()},
+            commands={labels[name]: command for name, command in self.commands.items()},
+            challenger=None if self.challenger is None else labels[self.challenger],
+            trusted=frozenset(labels[name] for name in self.trusted),
+        )
 
     def check_venue(self, venue: str) -> None:
         """Refuse a venue that an entry cannot come to."""

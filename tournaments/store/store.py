@@ -1,22 +1,22 @@
 """Results in SQL, each match once: what is in here is never played again.
 
-Tables: `leagues`, a row with the definition of each; `matches`, a row for each match that ended, its identity unique. SQLite in
-WAL mode, so that reports can be read while a league runs; or PostgreSQL, which may be killed and come back while a league runs. A
-commit reaches the system at once: a killed process loses nothing.
+Tables: `leagues`, a row with the definition of each; `versions`, of its entries; `matches`, a row for each match that ended, its
+identity unique. SQLite in WAL mode, so that reports can be read while a league runs; or PostgreSQL, which may be killed and come
+back while a league runs. A commit reaches the system at once: a killed process loses nothing.
 """
 
 import json
 import logging
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import RLock
 from typing import Any, Self, TypeVar
 
-from sqlalchemy import Connection, Engine, func, select, text, update
+from sqlalchemy import ColumnElement, Connection, Engine, delete, func, select, text, update
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DatabaseError
 
@@ -24,10 +24,11 @@ from arena.errors import UnknownNameError
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult
 from tournaments.league.edits import find_edit, hash_definition
+from tournaments.league.versions import Version, entry_of, match_versions, with_labels
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.store.lock import TakenError, lock_file
 from tournaments.store.migrations.upgrade import upgrade
-from tournaments.store.schema import LEAGUES, MATCHES, StoreError, explain, is_lost, number, reach
+from tournaments.store.schema import LEAGUES, MATCHES, VERSIONS, StoreError, explain, is_lost, number, reach
 
 __all__ = ["Store", "StoreError", "StoredLeague", "TakenError"]
 
@@ -49,10 +50,20 @@ class StoredLeague:
     name: str
     hash: str
     definition: Mapping[str, Any]
-    """`League.definition`, and under `secret` what binds it to its secret."""
+    """`League.definition`, its entries by the labels of their current versions; under `secret`, what binds it to its secret."""
     n_pairs: int
     secret: bytes | None = None
-    """None until the league is closed for good: who knows it knows the maps of pairs that could still be added."""
+    """None until the league is closed for good: who knows it knows the maps of matches that could still be added."""
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """What the current version of each entry plays under, by entry."""
+        return {entry_of(label): label for label in self.definition["entries"]}
+
+    def current(self, outcomes: Iterable[Outcome]) -> list[Outcome]:
+        """Return the results of those that are between current versions."""
+        entries = self.definition["entries"]
+        return [outcome for outcome in outcomes if outcome.blue in entries and outcome.red in entries]
 
 
 class Store:
@@ -139,32 +150,58 @@ class Store:
             session.release()
 
     def enter(self, name: str, definition: Mapping[str, Any], n_pairs: int) -> StoredLeague:
-        """Return the row of a league that is about to be run, made if need be.
+        """Return the row of a league that is about to be run, made if need be; whatever code is new in it is a new version.
+
+        Parameters
+        ----------
+        definition
+            Of the league's file: its entries by their names.
 
         Raises
         ------
         StoreError
-            It has results that were played under another definition, or more pairs; the sentence names the edit. Or it is closed,
-            and was given more pairs.
+            It has results that were played under other rules, a secret or a clock of its own, or more pairs; the sentence names
+            the edit. Or it is closed, and was given more to play.
         """
         before = self.find(name)
-        if before is not None and self.count(before) > 0:
-            edit = find_edit(before.definition, definition)
-            if edit is None and n_pairs < before.n_pairs:
-                edit = f"pairs were lowered (were {before.n_pairs}, are {n_pairs})"
-            if edit is not None:
-                raise StoreError(f"league {name} has results, and {edit}: undo that, or give the league another name")
-            if before.secret is not None and n_pairs > before.n_pairs:
-                raise StoreError(f"league {name} is closed: whoever knows its secret knows the maps of more pairs; name another")
-        stored = _rename(definition, _STORED_NAMES)
-        facts = _pack_facts(stored, None if before is None else before.secret)
-        values = {"hash": hash_definition(stored), "facts": facts, "n_pairs": n_pairs, "run_at": time.time()}
+        if before is not None and self.count(before) == 0:
+            before = None  # nothing was played: it may still become another league
+        known = [] if before is None else self.versions(before)
+        versions = match_versions(definition["entries"], known)
+        if before is not None:
+            _check_edit(before, definition, n_pairs, has_new={one.label for one in versions} - {one.label for one in known})
+        stored = _rename(with_labels(definition, {one.entry: one.label for one in versions}), _STORED_NAMES)
+        facts, now_s = _pack_facts(stored, None if before is None else before.secret), time.time()
+        values = {"hash": hash_definition(stored), "facts": facts, "n_pairs": n_pairs, "run_at": now_s}
         row = self._insert(LEAGUES).values(name=name, **values).on_conflict_do_update(index_elements=["name"], set_=values)
-        self._do("write to", lambda connection: connection.execute(row), name)
+
+        def work(connection: Connection) -> None:
+            connection.execute(row)
+            league_id = connection.scalar(select(LEAGUES.c.id).where(LEAGUES.c.name == name))
+            if before is None:
+                connection.execute(delete(VERSIONS).where(VERSIONS.c.league_id == league_id))
+            for version in versions:
+                if version not in known:
+                    connection.execute(self._keep_version(int(league_id or 0), version, now_s))
+
+        self._do("write to", work, name)
         found = self.find(name)
         if found is None:
             raise StoreError(f"league {name} was taken out of the store while it began")
         return found
+
+    def _keep_version(self, league_id: int, version: Version, now_s: float) -> Any:
+        values = {"league_id": league_id, "entry": version.entry, "number": version.number, "fingerprint": version.fingerprint}
+        row = self._insert(VERSIONS).values(**values, entered_at=now_s, spec=version.spec)
+        return row.on_conflict_do_update(
+            index_elements=["league_id", "entry", "number"], set_={"fingerprint": version.fingerprint}
+        )
+
+    def versions(self, league: StoredLeague) -> list[Version]:
+        """Return every version of every entry that a league had, in the order of entries and numbers."""
+        query = select(VERSIONS).where(VERSIONS.c.league_id == league.id).order_by(VERSIONS.c.number)
+        rows = self._do("read", lambda connection: connection.execute(query).all())
+        return sorted((_version(row) for row in rows), key=lambda one: (one.entry, one.number))
 
     def close(self, league: StoredLeague, secret: bytes) -> StoredLeague:
         """Close a league whose lock is held, for good: its secret may be known from now on, and no pairs are added to it."""
@@ -252,8 +289,16 @@ class Store:
         return self._do("read", lambda connection: set(connection.scalars(query)))
 
     def count(self, league: StoredLeague) -> int:
-        """Return how many results a league has."""
-        query = select(func.count()).where(MATCHES.c.league_id == league.id)
+        """Return how many results a league has, those of earlier versions too."""
+        return self._count(MATCHES.c.league_id == league.id)
+
+    def count_current(self, league: StoredLeague) -> int:
+        """Return how many results a league has between the current versions of its entries."""
+        labels = list(league.definition["entries"])
+        return self._count(MATCHES.c.league_id == league.id, MATCHES.c.blue.in_(labels), MATCHES.c.red.in_(labels))
+
+    def _count(self, *where: ColumnElement[bool]) -> int:
+        query = select(func.count()).select_from(MATCHES).where(*where)
         return self._do("read", lambda connection: int(connection.scalar(query) or 0))
 
 
@@ -302,6 +347,21 @@ class _LockedSession:
         connection.close()
 
 
+def _check_edit(before: StoredLeague, definition: Mapping[str, Any], n_pairs: int, *, has_new: Collection[str]) -> None:
+    """Refuse what would make another league of one that has results; `has_new` are the labels that it has not had so far."""
+    edit = find_edit(before.definition, definition)
+    if edit is None and n_pairs < before.n_pairs:
+        edit = f"pairs were lowered (were {before.n_pairs}, are {n_pairs})"
+    if edit is not None:
+        raise StoreError(f"league {before.name} has results, and {edit}: undo that, or give the league another name")
+    if before.secret is not None and (has_new or n_pairs > before.n_pairs):
+        more = ", ".join(sorted(has_new)) or "pairs"
+        raise StoreError(
+            f"league {before.name} is closed and takes no more matches ({more} would be new): whoever knows its secret knows the "
+            "maps; give the league another name"
+        )
+
+
 def _rename(definition: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
     return {names.get(key, key): value for key, value in definition.items()}
 
@@ -316,6 +376,13 @@ def _league(row: Any) -> StoredLeague:
     revealed = definition.pop(_REVEALED, None)
     secret = None if revealed is None else bytes.fromhex(revealed)
     return StoredLeague(id=row.id, name=row.name, hash=row.hash, definition=definition, n_pairs=row.n_pairs, secret=secret)
+
+
+def _version(row: Any) -> Version:
+    rating = None if row.rating is None else json.loads(row.rating)
+    return Version(
+        entry=row.entry, number=row.number, fingerprint=row.fingerprint, entered_at=row.entered_at, spec=row.spec, rating=rating
+    )
 
 
 def _pack_facts(stored: Mapping[str, Any], secret: bytes | None) -> str:
