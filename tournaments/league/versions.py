@@ -7,6 +7,7 @@ has fixtures, maps and results of its own, and the results of earlier ones stay 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 from tournaments.league.entries import is_same_code
@@ -47,6 +48,19 @@ def entry_of(label: str) -> str:
 def number_of(label: str) -> int:
     """Return the number of the version that plays under a label."""
     return int(label.partition(".")[2] or 1)
+
+
+def successions(labels: Iterable[str]) -> list[tuple[str, str]]:
+    """Return each two consecutive versions of an entry that are among the labels, the earlier first."""
+    known = set(labels)
+    of_entry: defaultdict[str, list[int]] = defaultdict(list)
+    for label in sorted(known):
+        of_entry[entry_of(label)].append(number_of(label))
+    return [
+        (label_of(entry, before), label_of(entry, after))
+        for entry, numbers in of_entry.items()
+        for before, after in pairwise(sorted(numbers))
+    ]
 
 
 def match_versions(entries: Mapping[str, str], known: Iterable[Version]) -> list[Version]:

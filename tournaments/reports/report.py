@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from tournaments.league.schedule import count_matches
+from tournaments.league.versions import successions
 from tournaments.outcome import Outcome
 from tournaments.ratings.methods import DEFAULT, find_method
 from tournaments.ratings.rate import N_DRAWS
@@ -80,6 +81,7 @@ def make_report(
             are_maps_fresh=league.definition.get("maps") == "fresh",
             n_draws=n_draws,
             method=find_method(rating_method),
+            follows=successions(names) if has_all_versions else (),
         ),
         rating_method=rating_method,
         outcomes=counted,

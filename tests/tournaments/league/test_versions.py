@@ -7,7 +7,7 @@ import pytest
 
 from arena.protocol.topics import check_label, is_label
 from tournaments.league.file import parse_league
-from tournaments.league.versions import Version, entry_of, label_of, match_versions, number_of, with_labels
+from tournaments.league.versions import Version, entry_of, label_of, match_versions, number_of, successions, with_labels
 
 ONE, OTHER = ("mine.py " + 64 * digit for digit in "ab")
 KNOWN = [
@@ -69,3 +69,9 @@ def test_a_programs_files_are_its_code_and_the_interpreter_of_the_machine_is_not
     assert fingerprint() != before
     known = [Version(entry="mine", number=1, fingerprint="exec:/bin/sh bot.js")]
     assert [one.label for one in match_versions({"mine": before}, known)] == ["mine"]  # of a store from before files counted
+
+
+def test_each_version_follows_the_one_before_it_that_is_there() -> None:
+    labels = ["mine.10", "mine", "rush", "mine.9", "lost.2", "lost.4"]
+
+    assert set(successions(labels)) == {("mine", "mine.9"), ("mine.9", "mine.10"), ("lost.2", "lost.4")}
