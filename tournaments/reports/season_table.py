@@ -13,7 +13,7 @@ from tournaments.ratings.standings import Record, Standing
 from tournaments.reports.leaderboard import STRENGTH, Column, failure_columns, row_to_dict, to_web_table
 
 OPEN, FROZEN, FINAL, OVER = "open", "frozen", "final", "over"
-"""Phases of a season: submissions are taken; they are, and the public table stands still; all is played anew; nothing is played."""
+"""Phases of a season: in the second, what is submitted still plays, and the public table stands still."""
 _RANK, *_OTHERS = STRENGTH
 _COLUMNS = (
     _RANK,
