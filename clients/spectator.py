@@ -73,7 +73,7 @@ class Spectator:
             if (
                 len(message.living) != len(Team)
                 or len(message.names) != len(Team)
-                or not all(map(topics.is_chunk, message.names))
+                or not all(map(topics.is_label, message.names))
             ):
                 raise UnreadableError("the facts are not of two teams")
             blue, red = message.living

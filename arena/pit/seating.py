@@ -67,7 +67,7 @@ def object_to(request: JoinRequest, ruleset: Ruleset) -> str:
         return f"the pit plays ruleset {ruleset.name} ({ours}), the client wants {theirs}"
     if request.team not in ("red", "blue", "any"):
         return f"there is no team {request.team!r}; red, blue or any"
-    if not topics.is_chunk(request.name) or not topics.is_chunk(request.client):
+    if not topics.is_label(request.name) or not topics.is_chunk(request.client):
         return "a name is 1 to 64 letters, digits, - or _"
     if not 0 <= request.slot < MOST_SLOTS:
         return f"there is no slot {request.slot}; a client has slots 0 to {MOST_SLOTS - 1}"

@@ -6,6 +6,7 @@ from arena.errors import InputError, UnreadableError
 from arena.game.types import Team
 
 _CHUNK = re.compile(r"[A-Za-z0-9_-]{1,64}")
+_LABEL = re.compile(r"[A-Za-z0-9_-]{1,64}(\.[1-9][0-9]{0,5})?")
 _LANE = re.compile(r"[0-9]{1,6}")
 _TEAMS = {team.name.lower(): team for team in Team}
 
@@ -22,6 +23,20 @@ def is_chunk(chunk: str) -> bool:
     return _CHUNK.fullmatch(chunk) is not None
 
 
+def check_label(what: str, label: str) -> str:
+    """Return the label of an entry's version, such as `mine` or `mine.2`, or refuse it."""
+    if not is_label(label):
+        raise InputError(
+            f"{what} is {label!r}; it must be 1 to 64 letters, digits, - or _, and may end in a version, as in mine.2"
+        )
+    return label
+
+
+def is_label(label: str) -> bool:
+    """Whether a player can be called so: a chunk, and behind a dot the number of a version."""
+    return _LABEL.fullmatch(label) is not None
+
+
 def join(pit: str) -> str:
     """Return the key of the queryable that hands out seats."""
     return f"arena/{pit}/join"
@@ -30,6 +45,11 @@ def join(pit: str) -> str:
 def lobby(pit: str) -> str:
     """Return the key of the queryable that tells the pit's public facts."""
     return f"arena/{pit}/lobby"
+
+
+def submissions(pit: str) -> str:
+    """Return the key of the queryable that takes submissions to a season, and tells their owners how they stand."""
+    return f"arena/{pit}/submissions"
 
 
 def observation(pit: str, lane: int, team: Team) -> str:

@@ -65,7 +65,7 @@ def join(
     from arena.keyring.files import load, load_or_make
     from arena.keyring.ring import entry_key_path
     from arena.network.address import parse_address
-    from arena.protocol.topics import check_chunk
+    from arena.protocol.topics import check_label
     from arena.sandbox.limits import BEHIND_A_WALL, NO_LIMITS
     from clients.feedback import Feedback
     from clients.runner import Runner
@@ -84,7 +84,7 @@ def join(
     mailbox = _make_mailbox(autopilot, slots) if is_human else None
     if autopilot and mailbox is None:
         raise InputError("--autopilot is for --policy human")
-    entry = check_chunk("the name", name or (name_of(program) if program else Path(policy).stem))
+    entry = check_label("the name", name or (name_of(program) if program else Path(policy).stem))
     spec = f"exec:{program}" if program else policy
     n_slots = slots if forever else min(slots, matches)
     workers = None
@@ -115,7 +115,7 @@ def join(
         is_patient=is_human or workers is not None,
         **({} if workers is None else {"count_ready": workers.count_ready}),
         rules_hash=load_rules(rules).hash if rules else "",
-        identity=load_or_make(entry_key_path(entry)) if key is None else load(key),
+        identity=load_or_make(entry_key_path(entry.partition(".")[0])) if key is None else load(key),
         invite=invite,
         trust=lambda pit_key: trust(where, pit_key, None if mailbox is None else notes.append),
         authority=authority,

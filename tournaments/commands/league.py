@@ -44,6 +44,9 @@ Data = Annotated[
 Db = Annotated[str, typer.Option(metavar="URL|FILE", help="The store of results; arena.db in the data folder without it.")]
 Format = Annotated[str, typer.Option("--format", metavar="|".join(FORMATS), help="What to print.")]
 Ratings = Annotated[str, typer.Option(metavar="NAME", help="How to rate; davidson, or a method of an installed package.")]
+AllVersions = Annotated[
+    bool, typer.Option("--all-versions", help="Rate every version that entries have had, not their current ones alone.")
+]
 Out = Annotated[Path | None, typer.Option(metavar="FILE", help="Write it into this file instead.")]
 
 tournament = typer.Typer(no_args_is_help=True, help="Run leagues: everyone meets everyone, and all are rated.")
@@ -93,6 +96,8 @@ def run_league(
     from tournaments.venues.table import find_venue
 
     chosen = load_league(league)
+    if chosen.season is not None:
+        raise InputError(f"{chosen.name} is a season, whose entries are submitted; open it by: arena season open {league}")
     venue, form = _one_of("--venue", venue or chosen.venue, VENUES), _one_of("--format", "json" if as_json else form, FORMATS)
     is_for_machines = _one_of("--progress", progress or ("json" if as_json else "bar"), ("bar", "json")) == "json"
     chosen.check_venue(venue)
@@ -175,6 +180,7 @@ def report_league(
     form: Format = "text",
     out: Out = None,
     ratings: Ratings = "",
+    all_versions: AllVersions = False,
     as_json: AsJson = False,
 ) -> None:
     """Print the report of a league from its stored results."""
@@ -182,7 +188,7 @@ def report_league(
 
     is_file = league.endswith(".toml") or league in LEAGUES
     read = load_league(league) if is_file else None
-    _report(read.name if read else league, data, db, "json" if as_json else form, out, ratings)
+    _report(read.name if read else league, data, db, "json" if as_json else form, out, ratings, has_all_versions=all_versions)
 
 
 @tournament.command("close")
@@ -240,6 +246,7 @@ def leaderboard(
     form: Format = "text",
     out: Out = None,
     ratings: Ratings = "",
+    all_versions: AllVersions = False,
     as_json: AsJson = False,
 ) -> None:
     """Print who leads a league, or a ladder, from the stored results."""
@@ -250,15 +257,17 @@ def leaderboard(
         from tournaments.reports.ladder_table import FORMATS as LADDER_FORMATS
         from tournaments.reports.ladder_table import render_ladder
 
+        if all_versions:
+            raise InputError("--all-versions is of leagues; a ladder rates an entry as it is now")
         if ratings:
             raise InputError("--ratings is how leagues are rated; a ladder keeps the ratings that its pit gave")
         text = render_ladder(db or str(data_folder(data) / "arena.db"), league, _one_of("--format", form, LADDER_FORMATS))
         say_lines(text) if out is None else save(out, text)
         return
-    _report(league, data, db, form, out, ratings)
+    _report(league, data, db, form, out, ratings, has_all_versions=all_versions)
 
 
-def _report(name: str, data: Path | None, db: str, form: str, out: Path | None, ratings: str) -> None:
+def _report(name: str, data: Path | None, db: str, form: str, out: Path | None, ratings: str, *, has_all_versions: bool) -> None:
     """Print the report of a stored league; the last one that was run if it has no name."""
     from arena.folders import data_folder
     from tournaments.ratings.methods import DEFAULT
@@ -271,7 +280,7 @@ def _report(name: str, data: Path | None, db: str, form: str, out: Path | None, 
     with Store(db or str(folders.data / "arena.db"), make=False) as store:
         row = store.get(name) if name else store.latest()
         outcomes = store.outcomes(row)
-    report = make_report(row, outcomes, rating_method=ratings or DEFAULT)
+    report = make_report(row, outcomes, rating_method=ratings or DEFAULT, has_all_versions=has_all_versions)
     _show(report, form, out, folders.journals(row.name))
 
 

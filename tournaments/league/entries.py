@@ -1,7 +1,8 @@
 """What may stand behind an entry of a league: a policy's name, a file, a program, or a public key that plays from elsewhere."""
 
+import re
 import shlex
-from hashlib import sha256
+from hashlib import file_digest, sha256
 from pathlib import Path
 
 from arena.errors import InputError
@@ -12,6 +13,7 @@ from policies.program import PREFIX as PROGRAM
 
 REMOTE = "key:"
 """Stands before the public key of an entry that joins by itself, from wherever it is."""
+_HASHED = re.compile(r"(.*) ([0-9a-f]{64})", re.DOTALL)
 FILES = {".py": "bot file", ".safetensors": "checkpoint"}
 """By how a file's name ends."""
 
@@ -55,13 +57,53 @@ def public_key_of(spec: str) -> bytes | None:
     return from_text(spec.removeprefix(REMOTE)) if spec.startswith(REMOTE) else None
 
 
-def fingerprint_of(spec: str) -> str:
-    """Return what tells one fighter from another: a file's name and content, else all that is said of it."""
+def fingerprint_of(spec: str, command: str = "") -> str:
+    """Return what tells one fighter from another: what it is called, and a hash of the files that are its code.
+
+    Parameters
+    ----------
+    spec
+        As a league holds it: files by their full path.
+    command
+        Of a program: its command line as it is written, which is the same wherever the files lie.
+    """
     kind = kind_of_file(spec)
-    if kind is None:
-        return spec
-    path = Path(spec)
     try:
-        return f"{path.name} {sha256(read_file(path)).hexdigest()}"
+        if kind is not None:
+            return f"{Path(spec).name} {sha256(read_file(Path(spec))).hexdigest()}"
+        content = b"".join(_hash_file(path) for path in _code_of_program(spec, command))
     except OSError as error:
-        raise InputError(f"cannot read the {kind} {spec}: {error.strerror}") from error
+        raise InputError(f"cannot read the {kind or 'file'} {error.filename or spec}: {error.strerror}") from error
+    return f"{command or spec} {sha256(content).hexdigest()}" if content else command or spec
+
+
+def is_same_code(one: str, other: str) -> bool:
+    """Whether two fingerprints are of one code.
+
+    A file may have another name. Of programs, older stores do not know the content of their files.
+    """
+    (what, content), (others_what, others_content) = _split(one), _split(other)
+    if one.startswith(PROGRAM):
+        return what == others_what and ("" in (content, others_content) or content == others_content)
+    return one == other or ("" != content == others_content)
+
+
+def _split(fingerprint: str) -> tuple[str, str]:
+    """Return what a fighter is called, and the hash of its files; empty if it has none."""
+    found = _HASHED.fullmatch(fingerprint)
+    return (found[1], found[2]) if found else (fingerprint, "")
+
+
+def _code_of_program(spec: str, command: str) -> list[Path]:
+    """Return the files that a program's command line names, but for an interpreter of this machine."""
+    try:
+        words, written = (shlex.split(line.removeprefix(PROGRAM)) for line in (spec, command or spec))
+    except ValueError:
+        return []
+    is_of_machine = not spec.startswith(PROGRAM) or (bool(written) and Path(written[0]).is_absolute())
+    return [path for path in map(Path, words[is_of_machine:]) if path.is_absolute() and path.is_file()]
+
+
+def _hash_file(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file_digest(file, "sha256").digest()

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +13,7 @@ from arena.sandbox.limits import BEHIND_A_WALL, NO_LIMITS, Limits
 from arena.sandbox.process import Sandbox
 from policies.registry import is_file_or_program
 from tournaments.league.entries import fingerprint_of, public_key_of
+from tournaments.league.season import SeasonTerms
 from tournaments.ratings.sprt import Sprt
 
 VENUES = ("network", "local", "ray")
@@ -56,6 +57,8 @@ class League:
     """Whether strangers' fighters play behind walls, in the venue `network`."""
     trusted: frozenset[str] = frozenset()
     """Entries that are files or programs, and need no wall."""
+    season: SeasonTerms | None = None
+    """What makes a season of it, whose entries are submitted; its file's own entries are the organiser's."""
     limits: Limits = NO_LIMITS
     """For each process of a stranger's fighter, in the venue `network`; what is None there is as behind every wall."""
 
@@ -81,12 +84,23 @@ class League:
         return {
             "ruleset": self.ruleset.name,
             "rules": self.ruleset.hash,
-            "entries": {name: fingerprint_of(self.commands.get(name, spec)) for name, spec in sorted(self.entries.items())},
+            "entries": {name: fingerprint_of(spec, self.commands.get(name, "")) for name, spec in sorted(self.entries.items())},
             "clock": {"turn_time_s": time_control.turn_time_s, "bank_s": time_control.bank_s, "grace_s": time_control.grace_s},
             **({"maps": self.maps} if self.maps != League.maps else {}),
             **({"challenger": self.challenger} if self.challenger is not None else {}),
+            **({"season": True} if self.season is not None else {}),
             **({"sprt": {name: getattr(sprt, name) for name in BOUNDS}} if sprt is not None else {}),
         }
+
+    def labelled(self, labels: Mapping[str, str]) -> "League":
+        """Return the league with its entries called as their versions are; `labels` is by entry."""
+        return replace(
+            self,
+            entries={labels[name]: spec for name, spec in self.entries.items()},
+            commands={labels[name]: command for name, command in self.commands.items()},
+            challenger=None if self.challenger is None else labels[self.challenger],
+            trusted=frozenset(labels[name] for name in self.trusted),
+        )
 
     def check_venue(self, venue: str) -> None:
         """Refuse a venue that an entry cannot come to."""

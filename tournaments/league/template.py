@@ -11,8 +11,8 @@ LIMITS = "".join(f"# {line.replace('=', ' = ')}\n" for line in BEHIND_A_WALL.ass
 
 TEMPLATE = f"""\
 # A league: arena tournament run THIS.toml
-# Stopped at any moment, it goes on where it was when it is run again. Pairs may be raised later; rules, entries, secret and
-# clock may not be edited once results are stored: give the league another name instead.
+# Stopped at any moment, it goes on where it was when it is run again. Entries may be edited, added and taken out, and pairs
+# raised, at any time: only what is new is played. Rules, secret and clock may not be edited once results are stored.
 
 # name = "friday"         # the file's own name without it; letters, digits, - and _
 

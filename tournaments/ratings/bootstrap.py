@@ -21,7 +21,7 @@ import numpy as np
 
 from arena.game.types import Team
 from tournaments.outcome import Outcome
-from tournaments.ratings.davidson import Floats, chances, deviations, fit
+from tournaments.ratings.davidson import Floats, Links, chances, deviations, fit
 
 Game = tuple[int, int, int]
 """Blue's entry, red's entry, and 0, 1 or 2: blue won, a draw, red won."""
@@ -50,7 +50,9 @@ def count(n_entries: int, kinds: Mapping[Unit, int]) -> Floats:
     return counts
 
 
-def bootstrap(n_entries: int, strata: Iterable[Mapping[Unit, int]], best: Floats, n_draws: int) -> Floats:
+def bootstrap(
+    n_entries: int, strata: Iterable[Mapping[Unit, int]], best: Floats, n_draws: int, links: Links | None = None
+) -> Floats:
     """Return the parameters of leagues whose units were drawn anew, shape (draws, entries + 2); the same every time.
 
     Parameters
@@ -71,7 +73,7 @@ def bootstrap(n_entries: int, strata: Iterable[Mapping[Unit, int]], best: Floats
     than sqrt(2). With two pairs for each of three fixtures, intervals of 95% cover about 84% without and 92% with it.
 
     The means of the priors are drawn anew too. Where there are games, that is hardly felt; where there are none, nothing else
-    varies.
+    varies. The same holds for those of links.
     """
     strata = [stratum for stratum in strata if stratum]
     counts = sum((count(n_entries, stratum) for stratum in strata), np.zeros((n_entries, n_entries, 3)))
@@ -90,7 +92,9 @@ def bootstrap(n_entries: int, strata: Iterable[Mapping[Unit, int]], best: Floats
             weights = rng.standard_gamma(shapes, size=(n_chosen, len(shapes)))
             weights *= shapes.sum() / weights.sum(axis=1, keepdims=True)
             drawn[:, used] += np.add.reduceat(weights[:, rows], begins, axis=1)
-        draws.append(fit(drawn.reshape(n_chosen, n_entries, n_entries, 3), start=best, means=means))
+        link_means = rng.normal(size=(n_chosen, len(links.pairs))) * links.deviation if links else None
+        counted = drawn.reshape(n_chosen, n_entries, n_entries, 3)
+        draws.append(fit(counted, start=best, means=means, links=links, link_means=link_means))
     n_units = sum(sum(stratum.values()) for stratum in strata)
     spared = max(n_units - (n_entries - 1), n_units / 2)
     stretched: Floats = best + (np.concatenate(draws) - best) * (n_units / spared if n_units else 1) ** 0.5

@@ -11,6 +11,8 @@ climbs it for many leagues at once. Counts are all that goes in, so the order of
 Parameters stand in one row: the strength of every entry, then `side`, then `draw`.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import log
 
 import numpy as np
@@ -41,7 +43,33 @@ def chances(parameters: Floats) -> Floats:
     return likely
 
 
-def fit(counts: Floats, *, start: Floats | None = None, means: Floats | None = None) -> Floats:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Links:
+    """Priors of differences: of two strengths that are linked, each lies near the other."""
+
+    pairs: Sequence[tuple[int, int]]
+    deviation: float
+    """Standard deviation of a difference."""
+
+    def __bool__(self) -> bool:
+        return bool(self.pairs)
+
+    def differences(self, n_entries: int) -> Floats:
+        """Return the matrix that makes of parameters the differences, shape (links, entries + 2)."""
+        rows = np.zeros((len(self.pairs), n_entries + 2))
+        for row, (one, other) in zip(rows, self.pairs, strict=True):
+            row[one], row[other] = -1, 1
+        return rows
+
+
+def fit(
+    counts: Floats,
+    *,
+    start: Floats | None = None,
+    means: Floats | None = None,
+    links: Links | None = None,
+    link_means: Floats | None = None,
+) -> Floats:
     """Return the parameters of largest posterior density: strengths, side, draw; shape (draws, entries + 2).
 
     Parameters
@@ -52,17 +80,24 @@ def fit(counts: Floats, *, start: Floats | None = None, means: Floats | None = N
         Where to begin, shape (entries + 2,).
     means
         Of the priors, shape (draws, entries + 2); 0 without it.
+    link_means
+        Of the differences that are linked, shape (draws, links); 0 without it.
     """
     n_draws, n_entries = counts.shape[:2]
     at = np.tile(np.zeros(n_entries + 2) if start is None else start, (n_draws, 1))
     means = np.zeros_like(at) if means is None else means
-    value, gradient, hessian = posterior(at, counts, means)
+
+    def measure(at: Floats) -> tuple[Floats, Floats, Floats]:
+        found = posterior(at, counts, means)
+        return _linked(found, at, links, link_means) if links else found
+
+    value, gradient, hessian = measure(at)
     for _ in range(_MOST_STEPS):
         step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
         size = np.ones(n_draws)
         while True:  # halve the steps that do not climb
             there = at + size[:, None] * step
-            new_value, new_gradient, new_hessian = posterior(there, counts, means)
+            new_value, new_gradient, new_hessian = measure(there)
             worse = new_value < value - 1e-7 * (1 + abs(value))
             if not worse.any():
                 break
@@ -114,3 +149,14 @@ def posterior(at: Floats, counts: Floats, means: Floats) -> tuple[Floats, Floats
     every = np.arange(at.shape[1])
     hessian[:, every, every] += precision
     return value, gradient, hessian
+
+
+def _linked(
+    found: tuple[Floats, Floats, Floats], at: Floats, links: Links, means: Floats | None
+) -> tuple[Floats, Floats, Floats]:
+    """Add links to a log posterior, its gradient and its negative Hessian."""
+    value, gradient, hessian = found
+    differences, precision = links.differences(at.shape[1] - 2), links.deviation**-2
+    off = at @ differences.T - (0 if means is None else means)
+    value = value - precision * (off**2).sum(axis=1) / 2
+    return value, gradient - precision * off @ differences, hessian + precision * differences.T @ differences

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from tournaments.outcome import Outcome
 from tournaments.plug_ins import find_plug_in
-from tournaments.ratings.rate import N_DRAWS, Ratings, rate
+from tournaments.ratings.rate import N_DRAWS, Follows, Ratings, rate, rate_normal
 
 GROUP = "arena.ratings"
 """An entry point of it is a `RatingMethod`."""
@@ -16,12 +16,21 @@ class RatingMethod(Protocol):
     """Makes ratings of a league's results; the order of the results must not matter."""
 
     def __call__(
-        self, names: Sequence[str], outcomes: Sequence[Outcome], *, are_maps_fresh: bool = False, n_draws: int = N_DRAWS
+        self,
+        names: Sequence[str],
+        outcomes: Sequence[Outcome],
+        *,
+        are_maps_fresh: bool = False,
+        n_draws: int = N_DRAWS,
+        follows: Follows = (),
     ) -> Ratings:
-        """Rate every entry of `names`, with matches or without; `n_draws` is the effort that intervals are worth."""
+        """Rate every entry of `names`, with matches or without; `n_draws` is the effort that intervals are worth.
+
+        `follows` is given where versions of one entry are rated beside each other, and only then.
+        """
 
 
-_OWN: dict[str, RatingMethod] = {DEFAULT: rate}
+_OWN: dict[str, RatingMethod] = {DEFAULT: rate, "normal": rate_normal}
 
 
 def find_method(name: str = DEFAULT) -> RatingMethod:

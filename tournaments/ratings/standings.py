@@ -15,7 +15,7 @@ from arena.records.plan import LeagueMatchId
 from tournaments.intervals import margin_of
 from tournaments.outcome import Outcome
 from tournaments.ratings.methods import RatingMethod
-from tournaments.ratings.rate import N_DRAWS, Rating, rate
+from tournaments.ratings.rate import N_DRAWS, Follows, Rating, rate
 from tournaments.ratings.residuals import Cycle, Residual, find_cycles, find_residuals
 
 FAULTS = ("late", "unreadable", "stale", "garbled", "vanished", "raised")
@@ -140,6 +140,7 @@ def stand(
     are_maps_fresh: bool = False,
     n_draws: int = N_DRAWS,
     method: RatingMethod = rate,
+    follows: Follows = (),
 ) -> Standings:
     """Return the table of a league.
 
@@ -151,6 +152,8 @@ def stand(
         What was played; void matches are none.
     are_maps_fresh
         Whether no map came twice; see `rate`.
+    follows
+        Names of consecutive versions of an entry, the earlier first.
     """
     names, outcomes = list(names), list(outcomes)
     seen = {name: _Seen() for name in names}
@@ -167,7 +170,8 @@ def stand(
                 entry.p50s_s.append(seat.latency_p50_s)
             if seat.latency_p99_s is not None:
                 entry.p99s_s.append(seat.latency_p99_s)
-    ratings = method(names, outcomes, are_maps_fresh=are_maps_fresh, n_draws=n_draws)
+    versions = {"follows": follows} if follows else {}  # a method of others need not know of versions until there are any
+    ratings = method(names, outcomes, are_maps_fresh=are_maps_fresh, n_draws=n_draws, **versions)
     rows = [
         Standing(
             name=name,

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from tournaments.league.schedule import count_matches
+from tournaments.league.versions import successions
 from tournaments.outcome import Outcome
 from tournaments.ratings.methods import DEFAULT, find_method
 from tournaments.ratings.rate import N_DRAWS
@@ -36,6 +37,10 @@ class Report:
     rating_method: str = DEFAULT
     outcomes: tuple[Outcome, ...]
     n_planned: int
+    n_earlier: int = 0
+    """Matches of earlier versions that are stored, and not in the standings."""
+    has_all_versions: bool = False
+    """Whether every version that has played is in the standings, under its label, or the current ones alone."""
     written_at: datetime
     duel: Duel | None = None
     """The test that the league plays, if it plays one; then only the matches of its pairs are reported."""
@@ -55,11 +60,19 @@ def make_report(
     n_draws: int = N_DRAWS,
     findings: Iterable[str] = (),
     rating_method: str = DEFAULT,
+    has_all_versions: bool = False,
 ) -> Report:
-    """Return the report of a league."""
-    test = judge(league.definition, outcomes := tuple(outcomes))
-    counted = outcomes if test is None else test.outcomes
+    """Return the report of a league: of the current versions of its entries, or of every one that has played."""
+    outcomes = tuple(outcomes)
+    current = tuple(league.current(outcomes))
+    test = None if has_all_versions else judge(league.definition, current)
+    counted = outcomes if has_all_versions else current if test is None else test.outcomes
+    n_earlier = len(outcomes) - len(current)
     names = list(league.definition["entries"])
+    n_planned = count_matches(len(names), league.n_pairs, is_gauntlet="challenger" in league.definition)
+    if has_all_versions:
+        names = sorted({*names, *(label for one in outcomes for label in (one.blue, one.red))})
+        n_planned += n_earlier
     return Report(
         league=league,
         standings=stand(
@@ -68,10 +81,13 @@ def make_report(
             are_maps_fresh=league.definition.get("maps") == "fresh",
             n_draws=n_draws,
             method=find_method(rating_method),
+            follows=successions(names) if has_all_versions else (),
         ),
         rating_method=rating_method,
         outcomes=counted,
-        n_planned=count_matches(len(names), league.n_pairs, is_gauntlet="challenger" in league.definition),
+        n_planned=n_planned,
+        n_earlier=0 if has_all_versions else n_earlier,
+        has_all_versions=has_all_versions,
         written_at=datetime.now(UTC),
         duel=test,
         findings=tuple(findings),
@@ -95,6 +111,7 @@ def to_document(report: Report) -> dict[str, Any]:
             "played": standings.n_matches,
             "planned": report.n_planned,
             "complete": report.is_complete,
+            **({"of_earlier_versions": report.n_earlier} if report.n_earlier else {}),
             "ticks": standings.n_ticks,
             "endings": dict(standings.endings),
         },
@@ -187,6 +204,8 @@ def summary(report: Report) -> list[str]:
         drawn = f"drawn {side.draws:,} ({side.draws / standings.n_matches:.1%})"
         rate = standings.draw_rate
         lines.append(drawn if rate is None else f"{drawn}; two of equal strength would draw {rate:.1%} of their matches")
+    if report.n_earlier:
+        lines.append(f"{report.n_earlier:,} matches of earlier versions are stored and not counted; --all-versions counts them")
     if report.rating_method != DEFAULT:
         lines.append(f"ratings by the method {report.rating_method}")
     if any(row.latency for row in standings.rows):

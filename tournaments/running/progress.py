@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from tournaments.league.entries import is_same_code
 from tournaments.league.league import League
 from tournaments.league.schedule import count_matches
 from tournaments.running.duel import judge
@@ -12,8 +13,8 @@ def progress_of(store: Store, league: StoredLeague) -> dict[str, Any]:
     """Return how many matches of a league are stored, and whether it is over; of a test, `planned` is the most."""
     n_entries = len(league.definition["entries"])
     n_planned = count_matches(n_entries, league.n_pairs, is_gauntlet="challenger" in league.definition)
-    n_played = store.count(league)
-    test = judge(league.definition, store.outcomes(league)) if "sprt" in league.definition else None
+    n_played = store.count_current(league)
+    test = judge(league.definition, league.current(store.outcomes(league))) if "sprt" in league.definition else None
     return {
         "league": league.name,
         "entries": n_entries,
@@ -24,6 +25,10 @@ def progress_of(store: Store, league: StoredLeague) -> dict[str, Any]:
 
 
 def is_over(store: Store, league: League) -> bool:
-    """Return whether nothing is left to be played of what a league's file asks for, edits of it aside."""
+    """Return whether nothing is left to be played of what a league's file asks for, edits of its rules or clock aside."""
     row = store.find(league.name)
-    return row is not None and league.n_pairs <= row.n_pairs and bool(progress_of(store, row)["complete"])
+    if row is None or league.n_pairs > row.n_pairs:
+        return False
+    before, now = row.definition["entries"], league.definition["entries"]
+    is_same = row.labels.keys() == now.keys() and all(is_same_code(before[row.labels[name]], now[name]) for name in now)
+    return is_same and bool(progress_of(store, row)["complete"])

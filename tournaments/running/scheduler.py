@@ -9,12 +9,12 @@ from pathlib import Path
 from arena.errors import ArenaError
 from arena.game.types import Termination
 from arena.records.plan import MatchPlan
-from tournaments.league.edits import find_edit
+from tournaments.league.edits import is_edited
 from tournaments.league.league import League
 from tournaments.league.schedule import plan_league
 from tournaments.league.secret import commit_to, find_secret
 from tournaments.outcome import Outcome
-from tournaments.running.duel import judge, next_batch
+from tournaments.running.duel import Duel, judge, next_batch
 from tournaments.running.slots import MOST
 from tournaments.store.lock import lock_file
 from tournaments.store.store import Store, StoredLeague
@@ -76,11 +76,12 @@ class Scheduler:
         n_results = 0 if before is None else store.count(before)
         self.secret = find_secret(league, self._folders.keys, may_make=n_results == 0)
         definition = {**league.definition, "secret": commit_to(self.secret)}
-        if n_results == 0 and (before is None or find_edit(before.definition, definition) is not None):
+        if n_results == 0 and (before is None or is_edited(before.definition, definition)):
             set_aside(self._folders.journals(league.name))
         self.row: StoredLeague = store.enter(league.name, definition, league.n_pairs)
-        self._plans = plan_league(league, self.secret)
-        self._done = store.identities(self.row)
+        self._league = league.labelled(self.row.labels)
+        self._plans = plan_league(self._league, self.secret)
+        self._done = store.identities(self.row) & {plan.identity for plan in self._plans}
         self.n_matches = len(self._plans)
 
     @property
@@ -123,10 +124,13 @@ class Scheduler:
 
     def _next(self) -> list[MatchPlan]:
         """Return what is to be played next: all that is left, or of a test so much that it can be looked at again."""
-        duel = judge(self.row.definition, self._store.outcomes(self.row)) if self._league.sprt is not None else None
+        duel = self._judge() if self._league.sprt is not None else None
         if duel is None:
             return [plan for plan in self._plans if plan.identity not in self._done]
         return [] if duel.is_decided else next_batch(self._plans, self._done)
+
+    def _judge(self) -> Duel | None:
+        return judge(self.row.definition, self.row.current(self._store.outcomes(self.row)))
 
     def _play(self, play: Callable[[Sequence[MatchPlan]], Iterator[Outcome]], plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
         left = {plan.identity: plan for plan in plans}

@@ -1,5 +1,6 @@
 """A league's file: what it may say, and in which sentence it is refused."""
 
+import re
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -12,7 +13,7 @@ from arena.protocol.identity import to_text
 from arena.protocol.topics import is_chunk
 from arena.records.plan import LeagueMatchId
 from arena.sandbox.limits import BEHIND_A_WALL
-from tournaments.league.edits import find_edit, hash_definition
+from tournaments.league.edits import find_edit, hash_definition, is_edited
 from tournaments.league.file import LEAGUES, load_league, parse_league
 from tournaments.league.league import League
 from tournaments.league.schedule import count_matches, plan_league
@@ -101,13 +102,12 @@ def test_an_edit_is_named(tmp_path: Path) -> None:
 
     assert find_edit(before, parse('pairs = 99\nslots = 1\nentries = ["rush", "mine.py"]', tmp_path).definition) is None
     assert "rules" in str(find_edit(before, parse(text + "[rules]\nside = 16", tmp_path).definition))
-    assert "patrol was added" in str(find_edit(before, parse('entries = ["mine.py", "rush", "patrol"]', tmp_path).definition))
-    assert "rush was taken out" in str(find_edit(before, parse('entries = ["mine.py", "patrol"]', tmp_path).definition))
+    assert find_edit(before, parse('entries = ["patrol", "spiral"]', tmp_path).definition) is None
     assert "turn_time_s" in str(find_edit(before, parse("turn_time_s = 2\n" + text, tmp_path).definition))
     assert "seed or secret" in str(find_edit({**before, "secret": "a"}, {**before, "secret": "b"}))
     bot.write_text(BOT + "\n")
     edited = parse(text, tmp_path).definition
-    assert "the content of mine.py" in str(find_edit(before, edited))
+    assert find_edit(before, edited) is None
     assert hash_definition(edited) != hash_definition(before)
 
 
@@ -240,7 +240,7 @@ def test_a_checkpoint_is_an_entry_as_a_bot_file_is(tmp_path: Path) -> None:
 
     assert league.entries == {"best": str(file), "rush": "rush"}
     assert before["entries"]["best"].startswith("best.safetensors ")
-    assert "the content of best.safetensors" in str(find_edit(before, after))
+    assert is_edited(before, after)
 
 
 def test_the_first_of_two_is_tested_unless_a_challenger_is_named() -> None:
@@ -286,6 +286,37 @@ def test_an_edit_of_maps_or_challenger_is_named() -> None:
     assert find_edit(facts[0], facts[1]) == "maps was edited (was paired, is fresh)"
     assert find_edit(facts[0], facts[2]) == "challenger was edited (was None, is rush)"
     assert find_edit(facts[0], facts[0]) is None
+
+
+SEASON = "[season]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (SEASON + "deadlin = 1", "did you mean 'deadline'"),
+        (SEASON + 'deadline = "tomorrow"', "write a time such as"),
+        (SEASON + "final_pairs = -1", "from 0 to 1000"),
+        (SEASON + 'submissions = "7448"', "an endpoint such as tcp/0.0.0.0:7448"),
+        (SEASON + 'invites = "gone.txt"', "a file with a code on each line"),
+        ("pairs = 3\n" + SEASON, "chooses its pairs itself"),
+        ("season = 3", "write its terms below [season]"),
+    ],
+)
+def test_a_season_that_cannot_be_is_said_in_one_sentence(text: str, says: str) -> None:
+    with pytest.raises(InputError, match=re.escape(says)):
+        parse(text)
+
+
+def test_a_season_has_terms_and_may_begin_without_entries(tmp_path: Path) -> None:
+    (tmp_path / "codes").write_text("a\nb\n")
+    season = parse(SEASON + 'deadline = 2027-01-31T18:00:00Z\nfreeze = 2027-01-30T18:00:00Z\ninvites = "codes"', tmp_path)
+    terms = season.season
+
+    assert terms is not None
+    assert (season.entries, season.definition["season"], terms.invites) == ({}, True, tmp_path / "codes")
+    assert [terms.is_open(at_s) for at_s in (0.0, 1_801_418_399.0, 1_801_418_400.0)] == [True, True, False]
+    assert [terms.is_frozen(at_s) for at_s in (0.0, 1_801_332_000.0)] == [False, True]
 
 
 STRANGERS = 'entries = ["rush", "mine.py"]\n'
@@ -347,5 +378,5 @@ def test_a_league_with_a_program_is_the_same_wherever_its_folder_lies(tmp_path: 
 
     here, there = leagues
     assert here.entries != there.entries
-    assert find_edit(here.definition, there.definition) is None
-    assert here.definition["entries"]["fast"] == "exec:node fast.js"
+    assert not is_edited(here.definition, there.definition)
+    assert here.definition["entries"]["fast"].startswith("exec:node fast.js ")

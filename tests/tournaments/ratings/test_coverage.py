@@ -6,32 +6,14 @@ from math import log
 
 import numpy as np
 import pytest
-from outcomes import met
+from made_leagues import NU, play
 
-from arena.game.types import Team
-from tournaments.outcome import Outcome, SeatOutcome
-from tournaments.ratings.davidson import ELO, chances
-from tournaments.ratings.rate import rate
+from tournaments.ratings.methods import RatingMethod
+from tournaments.ratings.rate import rate, rate_normal
 from tournaments.ratings.sprt import expected_score, log_likelihood_ratio
 
-WINNERS = (Team.BLUE, None, Team.RED)
-SEATS = {team: SeatOutcome() for team in Team}
-NU = 2 / 9
-"""Equals draw a tenth of their matches."""
 DRAWS = (300, 1_000)
 """Of the bootstrap, for each league; the fewer cost less than a hundredth of the coverage."""
-
-
-def play(elos: Sequence[float], n_pairs: int, rng: np.random.Generator, *, side_elo: float = 0.0) -> list[Outcome]:
-    """Return a league that follows the model; entries are called by their place."""
-    shares = chances(np.array([*elos, side_elo, ELO * log(NU)]) / ELO)
-    outcomes = []
-    for one in range(len(elos)):
-        for other in range(one + 1, len(elos)):
-            for blue, red in ((one, other), (other, one)):
-                for pair, result in enumerate(rng.choice(3, size=n_pairs, p=shares[blue, red])):
-                    outcomes.append(met(f"{one:02}", f"{other:02}", pair, f"{blue:02}", WINNERS[result], seats=SEATS))
-    return outcomes
 
 
 @dataclass
@@ -45,15 +27,23 @@ class Study:
 
 
 def study(
-    elos: Sequence[float], n_pairs: int, n_leagues: int, n_draws: int, *, side_elo: float = 0.0, are_maps_fresh: bool = False
+    elos: Sequence[float],
+    n_pairs: int,
+    n_leagues: int,
+    n_draws: int,
+    *,
+    side_elo: float = 0.0,
+    are_maps_fresh: bool = False,
+    luck: float = 0.0,
+    method: RatingMethod = rate,
 ) -> Study:
     names = [f"{number:02}" for number in range(len(elos))]
     true = np.array(elos) - np.mean(elos)
     ranks = 1 + np.argsort(np.argsort(-true))
     seen = Study()
     for seed in range(n_leagues):
-        outcomes = play(elos, n_pairs, np.random.default_rng(seed), side_elo=side_elo)
-        found = rate(names, outcomes, are_maps_fresh=are_maps_fresh, n_draws=n_draws)
+        outcomes = play(elos, n_pairs, np.random.default_rng(seed), side_elo=side_elo, luck=luck)
+        found = method(names, outcomes, are_maps_fresh=are_maps_fresh, n_draws=n_draws)
         entries = [found.entries[name] for name in names]
         seen.covered.append([entry.elo_low <= elo <= entry.elo_high for entry, elo in zip(entries, true, strict=True)])
         seen.ranked.append([entry.rank_low <= rank <= entry.rank_high for entry, rank in zip(entries, ranks, strict=True)])
@@ -101,6 +91,28 @@ def test_who_won_everything_has_an_interval_that_covers(
     seen = study(elos, n_pairs, n_leagues, size(*DRAWS))
 
     assert np.mean([league[-1] for league in seen.covered]) >= 0.93 - slack(0.93, n_leagues)
+
+
+@pytest.mark.parametrize(
+    ("elos", "n_pairs", "luck", "are_maps_fresh"),
+    [
+        ((-200, -80, 0, 80, 200), 15, 0.0, False),
+        ((0, 0, 0), 2, 0.0, False),
+        ((-150, -50, 50, 150), 3, 0.0, True),
+        ((0, 0, 0), 3, 4.0, False),
+        ((0, 0, 0, 0), 12, 4.0, False),
+        ((0, 0, 0, 700), 10, 0.0, False),
+    ],
+)  # fmt: skip
+def test_intervals_of_the_normal_approximation_cover_too(
+    elos: tuple[float, ...], n_pairs: int, luck: float, are_maps_fresh: bool, size: Callable[[int, int], int]
+) -> None:
+    """Taken for independent, the pairs of the lucky maps that always go alike have intervals that cover under 85%."""
+    n_leagues = size(60, 1_000)
+    seen = study(elos, n_pairs, n_leagues, 50, luck=luck, are_maps_fresh=are_maps_fresh, method=rate_normal)
+    margin = slack(0.95, len(elos) * n_leagues)
+
+    assert 0.92 - margin <= np.mean(seen.covered) <= 0.99 + slack(0.99, n_leagues)
 
 
 def shares_of(elo: float, *, luck: float, nu: float = NU) -> np.ndarray:

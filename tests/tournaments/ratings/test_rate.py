@@ -13,7 +13,7 @@ from arena.game.types import Team, Termination
 from tournaments.outcome import Outcome
 from tournaments.ratings.bootstrap import UNSEEN, bootstrap, unseen
 from tournaments.ratings.davidson import ELO, PRIOR_DRAW, PRIOR_SIDE, PRIOR_STRENGTH, fit
-from tournaments.ratings.rate import _strata, rate
+from tournaments.ratings.rate import rate, units_of
 from tournaments.ratings.standings import stand
 
 WINNERS = (Team.BLUE, None, Team.RED)
@@ -202,7 +202,7 @@ def test_with_fresh_maps_as_many_matches_are_drawn_of_each_side() -> None:
     """If blue always wins, all that varies is how often each was blue; that was planned, and must not make anybody stronger."""
     outcomes = [met("a", "b", pair, blue, Team.BLUE) for pair in range(200) for blue in ("a", "b")]
 
-    assert [sum(units.values()) for units in _strata(["a", "b"], outcomes, are_maps_fresh=True)] == [200, 200]
+    assert [sum(units.values()) for units in units_of(["a", "b"], outcomes, are_maps_fresh=True)] == [200, 200]
     found = rate(["a", "b"], outcomes, are_maps_fresh=True, n_draws=500)
 
     assert found.is_side_favoured

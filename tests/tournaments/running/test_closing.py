@@ -71,7 +71,12 @@ def test_a_closed_league_takes_no_more_pairs_and_stays_what_it_was(league: Leagu
     raised = league.play(2)
 
     assert (raised.returncode, raised.stdout) == (2, "")
-    assert raised.stderr.endswith("league cup is closed: whoever knows its secret knows the maps of more pairs; name another\n")
+    assert raised.stderr.endswith(
+        "league cup is closed and takes no more matches (pairs would be new): whoever knows its secret knows the maps; "
+        "give the league another name\n"
+    )
+    league.file.write_text(league.file.read_text().replace("pairs = 2", "pairs = 1").replace("random", "patrol"))
+    assert "(patrol would be new)" in league("run", "--venue", "local").stderr
     assert league.play(1).returncode == 0
     assert json.loads(league("report", "--json").stdout)["league"] == before | {"secret": league.secret}
 

@@ -100,7 +100,6 @@ def test_more_pairs_go_on_and_fewer_are_refused(tmp_path: Path) -> None:
     [
         (("seed = 1", "seed = 2"), "seed or secret"),
         (("tick_limit = 20", "tick_limit = 21"), "rules"),
-        (('"random"', '"spiral"'), "the entry random was taken out"),
     ],
 )
 def test_an_edited_league_is_refused_and_nothing_is_lost(tmp_path: Path, edit: tuple[str, str], named: str) -> None:
@@ -110,6 +109,78 @@ def test_an_edited_league_is_refused_and_nothing_is_lost(tmp_path: Path, edit: t
         run(tmp_path, pretend, league=parse(LEAGUE.replace(*edit)))
 
     assert run(tmp_path, pretend).is_complete
+
+
+def play_versions(folder: Path, *steps: tuple[str, int | None]) -> tuple[list[set[str]], Report]:
+    """Run leagues of these entries one after another, each until so many matches; return what was asked for, and the report."""
+    asked: list[set[str]] = []
+
+    def watch(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+        asked.append({plan.identity for plan in plans})
+        return pretend(setting, plans)
+
+    for entries, n in steps:
+        league = parse(f"pairs = 2\nseed = 1\n[entries]\n{entries}\n[rules]\ntick_limit = 20")
+        report = run(folder, watch, league=league, n=n)
+    return asked, report
+
+
+AB, ABC = 'a = "rush"\nb = "patrol"', 'a = "rush"\nb = "patrol"\nc = "random"'
+ANEW = ABC.replace("patrol", "spiral")
+
+
+def test_after_an_edit_only_new_fixtures_are_played_and_the_table_rates_current_versions(tmp_path: Path) -> None:
+    asked, report = play_versions(tmp_path, (ABC, None), (ANEW, None))
+
+    assert len(asked[0]) == 12
+    assert {tuple(identity.split("/")[1:3]) for identity in asked[1]} == {("a", "b.2"), ("b.2", "c")}
+    assert len(asked[1]) == 8
+    assert sorted(row.name for row in report.standings.rows) == ["a", "b.2", "c"]
+    assert (report.standings.n_matches, report.n_planned, report.n_earlier) == (12, 12, 8)
+    assert "8 matches of earlier versions are stored and not counted" in to_text(report)
+
+
+def test_an_entry_that_is_added_or_taken_out_leaves_the_other_results_alone(tmp_path: Path) -> None:
+    asked, more = play_versions(tmp_path, (AB, None), (ABC, None))
+    _, fewer = play_versions(tmp_path, (AB, None))
+
+    assert [len(plans) for plans in asked] == [4, 8]
+    assert (more.standings.n_matches, more.n_earlier) == (12, 0)
+    assert (fewer.standings.n_matches, fewer.n_earlier, fewer.is_complete) == (4, 8, True)
+
+
+def test_who_goes_back_to_earlier_code_has_its_results_back(tmp_path: Path) -> None:
+    asked, report = play_versions(tmp_path, (ABC, None), (ANEW, None), (ABC, None))
+
+    assert len(asked) == 2
+    assert sorted(row.name for row in report.standings.rows) == ["a", "b", "c"]
+    assert report.is_complete
+
+
+@pytest.mark.parametrize("stops", [(0, 3), (5, 0), (7, 4)])
+def test_versions_that_were_stopped_anywhere_end_in_the_same_report(tmp_path: Path, stops: tuple[int, int]) -> None:
+    _, straight = play_versions(tmp_path / "one", (ABC, 7), (ANEW, None))
+    _, stopped = play_versions(tmp_path / "two", (ABC, stops[0]), (ABC, 7 - stops[0]), (ANEW, stops[1]), (ANEW, 1), (ANEW, None))
+
+    assert without_wall(stopped) == without_wall(straight)
+
+
+def test_every_version_is_rated_when_that_is_asked_for(tmp_path: Path) -> None:
+    play_versions(tmp_path, (ABC, None), (ANEW, None))
+    with Store(str(tmp_path / "arena.db")) as store:
+        row = store.latest()
+        report = make_report(row, store.outcomes(row), n_draws=50, has_all_versions=True)
+        numbers = [(one.entry, one.number) for one in store.versions(row)]
+
+    assert sorted(row.name for row in report.standings.rows) == ["a", "b", "b.2", "c"]
+    assert (report.standings.n_matches, report.is_complete) == (20, True)
+    assert numbers == [("a", 1), ("b", 1), ("b", 2), ("c", 1)]
+
+
+def test_code_that_never_played_a_match_leaves_no_version(tmp_path: Path) -> None:
+    _, report = play_versions(tmp_path, (ABC, 0), (ANEW, None))
+
+    assert sorted(row.name for row in report.standings.rows) == ["a", "b", "c"]
 
 
 def test_a_void_match_is_played_again_and_never_stored(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import json
 import sqlite3
 from collections.abc import Mapping
 from contextlib import closing
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -25,15 +26,21 @@ from tournaments.store.store import Store, StoreError
 
 FACTS = {"ruleset": "paper", "rules": "1", "entries": {}, "clock": {}}
 OUTCOME = ended("friday/0", "a", "b", seats={})
+LAST = upgrade.VERSION
 GROWN = """
 from alembic import op
-revision, down_revision = "0003", "0002"
+revision, down_revision = "9000", "LAST"
 def upgrade():
     op.execute("ALTER TABLE leagues ADD COLUMN colour VARCHAR(9)")
     op.execute("UPDATE leagues SET colour = 'red'")
-"""
-LAST = upgrade.VERSION
-BACK_TO_THE_FIRST = [f"DROP TABLE {name}" for name in ("alembic_version", "ladder_matches", "ladder_entries")]
+""".replace("LAST", LAST)
+LATER_TABLES = (
+    "alembic_version", "ladder_matches", "ladder_entries", "versions", "season_entries", "submissions", "season_standings",
+)  # fmt: skip
+BACK_TO_THE_FIRST = [
+    *(f"DROP TABLE {name}" for name in LATER_TABLES),
+    *(f"DROP INDEX ix_matches_{side}" for side in ("blue", "red")),
+]
 BROKEN = GROWN + "    op.execute('ALTER TABLE nowhere ADD COLUMN colour VARCHAR(9)')\n"
 
 
@@ -71,13 +78,26 @@ def newer_arena(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (scripts / source).write_text((shipped / source).read_text())
     (scripts / "versions" / "grown.py").write_text(GROWN)
     monkeypatch.setattr(upgrade, "_SCRIPTS", scripts)
-    monkeypatch.setattr(upgrade, "VERSION", "0003")
+    monkeypatch.setattr(upgrade, "VERSION", "9000")
     return scripts / "versions" / "grown.py"
 
 
 def test_the_versions_lead_to_the_tables_of_the_schema(store_url: str) -> None:
     with Store(store_url) as store, store._engine.connect() as connection:
         assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
+
+
+def test_what_a_league_had_played_before_versions_came_was_the_first_version_of_its_entries(store_url: str) -> None:
+    with Store(store_url) as store:
+        league = store.enter("friday", {**FACTS, "entries": {"a": "rush", "b": "patrol"}}, 1)
+        store.add(league, replace(OUTCOME, identity="friday/a/b/0000/a-blue/0"))
+    run(store_url, *BACK_TO_THE_FIRST)
+
+    with Store(store_url) as store:
+        edited = store.enter("friday", {**FACTS, "entries": {"a": "rush", "b": "spiral"}}, 1)
+
+        assert edited.labels == {"a": "a", "b": "b.2"}
+        assert [one.label for one in store.versions(edited)] == ["a", "b", "b.2"]
 
 
 def test_the_last_version_is_the_one_that_stores_are_checked_against() -> None:
@@ -121,7 +141,7 @@ def test_an_older_store_is_brought_up_to_date(
         assert store.outcomes(store.latest()) == [OUTCOME]
 
     assert run(store_url, "SELECT colour FROM leagues") == ["red"]
-    assert run(store_url, "SELECT version_num FROM alembic_version") == ["0003"]
+    assert run(store_url, "SELECT version_num FROM alembic_version") == ["9000"]
 
 
 def test_an_upgrade_that_fails_leaves_the_store_as_it_was(store_url: str, newer_arena: Path) -> None:
