@@ -122,6 +122,15 @@ class PitCore:
         return [session.match for session in self._matches.running]
 
     @property
+    def queues(self) -> dict[str, int]:
+        """How many wait: requests to be opened, pieces of journals to be sent, and clients for a seat."""
+        return {
+            "requests": len(self._requests),
+            "journals": len(self._matches.journal_replies),
+            "clients": self._admission.n_waiting,
+        }
+
+    @property
     def n_running(self) -> int:
         """Matches that are not over."""
         return len(self._matches.running)
