@@ -129,7 +129,7 @@ def show_seasons(
 
     with SeasonStore(db or str(data_folder(data) / "arena.db"), make=False) as store:
         rows = [store.get(name)] if name else store.leagues()
-        tables = {row.name: store.standings(row) for row in rows if "season" in row.definition}
+        tables = {row.name: store.standings(row) for row in rows if row.is_season}
     if name and name not in tables:
         raise InputError(f"{name} is a league; show it by: arena tournament report {name}")
     if as_json:
