@@ -19,7 +19,7 @@ from clients.web.page_file import player_page
 from tournaments.outcome import Outcome
 from tournaments.ratings.methods import DEFAULT
 from tournaments.reports.charts import chance_map, format_record, heat_map, rating_plot, side_plot
-from tournaments.reports.leaderboard import STRENGTH, failure_columns, latency_columns
+from tournaments.reports.leaderboard import STRENGTH, failure_columns, latency_columns, share_columns
 from tournaments.reports.replays import pack_replays
 from tournaments.reports.report import LATENCY_NOTE, MOST_SHOWN, Report, verdict_lines, warnings
 from tournaments.store.store import StoredLeague
@@ -52,7 +52,7 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
         league=report.league,
         standings=standings,
         rows=standings.rows,
-        strength=STRENGTH,
+        strength=(*STRENGTH, *share_columns(standings.rows)),
         failures=failures,
         absent=[column.name for column in absent],
         latency=latency_columns(standings.rows),

@@ -14,6 +14,7 @@ from tournaments.league.versions import successions
 from tournaments.outcome import Outcome
 from tournaments.ratings.methods import DEFAULT, find_method
 from tournaments.ratings.rate import N_DRAWS
+from tournaments.ratings.shares import find_shares
 from tournaments.ratings.sprt import PAIR_SCORES
 from tournaments.ratings.standings import Standings, stand
 from tournaments.reports.leaderboard import rounded, row_to_dict
@@ -61,6 +62,7 @@ def make_report(
     findings: Iterable[str] = (),
     rating_method: str = DEFAULT,
     has_all_versions: bool = False,
+    shares: Iterable[str] = (),
 ) -> Report:
     """Return the report of a league: of the current versions of its entries, or of every one that has played."""
     outcomes = tuple(outcomes)
@@ -82,6 +84,7 @@ def make_report(
             n_draws=n_draws,
             method=find_method(rating_method),
             follows=successions(names) if has_all_versions else (),
+            share_methods={name: find_shares(name) for name in shares},
         ),
         rating_method=rating_method,
         outcomes=counted,
