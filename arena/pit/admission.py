@@ -69,6 +69,11 @@ class Admission:
         return len(self._matches.running) < MOST_RUNNING and self.n_journals > 0
 
     @property
+    def n_waiting(self) -> int:
+        """Clients that wait for a seat."""
+        return len(self._queue)
+
+    @property
     def names(self) -> list[str]:
         """Names of those who wait, the one that has waited longest first."""
         return [client.name for client in self._queue.values()]

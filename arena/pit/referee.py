@@ -128,6 +128,16 @@ class Referee:
         return self._core.n_running
 
     @property
+    def queues(self) -> dict[str, int]:
+        """How many wait: what came over the network and was not taken up yet, and those of the core."""
+        return {"inbox": self._inbox.qsize(), **self._core.queues}
+
+    @property
+    def n_refused(self) -> int:
+        """Requests that did not open, or were not signed by whom they name."""
+        return self._core.n_refused
+
+    @property
     def is_deserted(self) -> bool:
         """Whether no client is present, as far as they declare it, and no match waits for its receipts."""
         return self._core.is_deserted

@@ -105,6 +105,8 @@ def run_league(
     from tournaments.venues.table import find_venue
 
     chosen = load_league(league)
+    if chosen.season is not None:
+        raise InputError(f"{chosen.name} is a season, whose entries are submitted; open it by: arena season open {league}")
     venue, form = _one_of("--venue", venue or chosen.venue, VENUES), _one_of("--format", "json" if as_json else form, FORMATS)
     is_for_machines = _one_of("--progress", progress or ("json" if as_json else "bar"), ("bar", "json")) == "json"
     chosen.check_venue(venue)

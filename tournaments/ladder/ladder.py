@@ -4,6 +4,7 @@ Results are written by a thread of their own: the referee's must not wait for a 
 written, the journals of its matches still tell, and `arena.pit.ladder.find_uncounted` brings back.
 """
 
+import time
 from collections import OrderedDict
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,7 +15,7 @@ from typing import Any
 
 from arena.errors import ArenaError
 from arena.game.types import Team, Termination
-from arena.pit.ladder import LadderMatch, Waiting
+from arena.pit.ladder import Backlog, LadderMatch, Waiting
 from arena.protocol.identity import to_text
 from tournaments.ladder.ladder_store import LadderStore
 from tournaments.ladder.matchmaking import Candidate
@@ -24,7 +25,8 @@ from tournaments.store.schema import StoreError
 
 MOST_REMEMBERED = 10_000
 """Entries whose last opponent is remembered."""
-_Row = tuple[LadderMatch, dict[Team, LadderEntry]]
+_Row = tuple[LadderMatch, dict[Team, LadderEntry], float]
+"""With when it was counted."""
 
 
 class RatedLadder:
@@ -37,6 +39,8 @@ class RatedLadder:
         """By key: whom it met last."""
         self._ranked: list[dict[str, Any]] | None = None
         self._rows: SimpleQueue[_Row | None] = SimpleQueue()
+        self._oldest_at_s: float | None = None
+        """When the row that is being stored was counted."""
         self._failure: Exception | None = None
         self._writer = Thread(target=self._write, name="ladder")
         self._writer.start()
@@ -86,13 +90,20 @@ class RatedLadder:
             after = rate(before, match.result)
             self._entries.update((entry.key, entry) for entry in after.values())
             self._ranked = None
-        self._rows.put((match, after))
+        self._rows.put((match, after, time.monotonic()))
 
     def standings(self) -> list[dict[str, Any]]:
         """Return everyone who has a rating, the best first."""
         if self._ranked is None:
             self._ranked = rank(list(self._entries.values()))
         return self._ranked
+
+    def backlog(self) -> Backlog:
+        """Return what is not stored yet."""
+        oldest_at_s = self._oldest_at_s
+        if oldest_at_s is None:
+            return Backlog(self._rows.qsize(), 0.0)
+        return Backlog(self._rows.qsize() + 1, time.monotonic() - oldest_at_s)
 
     def _check(self) -> None:
         if self._failure is not None:
@@ -101,11 +112,13 @@ class RatedLadder:
     def _write(self) -> None:
         """Store results as they come; after a failure none is stored any more, and the pit hears of it with the next."""
         while (row := self._rows.get()) is not None:
+            match, after, self._oldest_at_s = row
             if self._failure is None:
                 try:
-                    self._store.count_match(self._name, *row)
+                    self._store.count_match(self._name, match, after)
                 except ArenaError as error:
                     self._failure = error
+            self._oldest_at_s = None
 
 
 @contextmanager

@@ -29,6 +29,8 @@ def find_edit(stored: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
     for key, value in stored["clock"].items():
         if value != now["clock"][key]:
             return f"{key} was edited (was {value}, is {now['clock'][key]})"
+    if ("season" in stored) != ("season" in now):
+        return "its pairing was edited (was a season, is a league)" if "season" in stored else "it was a league, and is a season"
     if ("sprt" in stored) != ("sprt" in now):
         return "its pairing was edited (was sprt, is another)" if "sprt" in stored else "its pairing was edited (is sprt now)"
     for name, value in stored.get("sprt", {}).items():

@@ -22,6 +22,7 @@ from policies.program import PREFIX as PROGRAM
 from policies.registry import names
 from tournaments.league.entries import find_program, kind_of_file, name_of, public_key_of
 from tournaments.league.league import BOUNDS, DEFAULT_TERMS, MAPS, PAIRINGS, VENUES, League, LeagueError
+from tournaments.league.season import SeasonTerms, parse_terms
 from tournaments.ratings.sprt import Sprt
 
 LEAGUES = ("starter", "fighters", "fighters-gym-cap")
@@ -29,7 +30,7 @@ MOST_PAIRS = 1_000_000
 SANDBOXES = ("bubblewrap", "none")
 _KEYS = (
     "name", "ruleset", "rules", "pairs", "pairing", "challenger", "sprt", "maps", "seed", "secret", "venue", "listen",
-    "turn_time_s", "bank_s", "grace_s", "slots", "sandbox", "trusted", "limits", "entries",
+    "turn_time_s", "bank_s", "grace_s", "slots", "sandbox", "trusted", "limits", "entries", "season",
 )  # fmt: skip
 _BOUNDS = {"elo0": 0.0, "elo1": 50.0}
 _MOST_ELO = 2_000.0
@@ -98,8 +99,9 @@ class _Reader:
             bank_s=self._seconds("bank_s", DEFAULT_TERMS.bank_s),
             grace_s=self._seconds("grace_s", DEFAULT_TERMS.grace_s),
         )
+        season = self._season(folder)
         given = self._given()
-        entries = self._entries(given, folder)
+        entries = self._entries(given, folder, least=0 if season is not None else 2)
         league = League(
             name=self._name,
             ruleset=self._ruleset(folder),
@@ -117,10 +119,25 @@ class _Reader:
             slots=self._whole("slots", League.slots, 1, 256),
             has_walls=self._one_of("sandbox", SANDBOXES) != "none",
             trusted=self._trusted(entries),
+            season=season,
             limits=self._limits(),
         )
         self._check_strangers(league)
         return league
+
+    def _season(self, folder: Path) -> SeasonTerms | None:
+        if "season" not in self._values:
+            return None
+        for key in ("pairs", "pairing", "challenger", "sprt"):
+            if key in self._values:
+                raise self._error(f"says {key}, and a season chooses its pairs itself; take it out")
+        self._values.setdefault("entries", {})
+        try:
+            return parse_terms(self._values["season"], folder)
+        except UnknownNameError:
+            raise
+        except InputError as error:
+            raise self._error(str(error)) from error
 
     def _error(self, what: str) -> LeagueError:
         return LeagueError(f"league {self._name} {what}")
@@ -258,7 +275,7 @@ class _Reader:
             return [(name_of(str(spec)), spec) for spec in given]
         raise self._error('has no entries; name them, as in: entries = ["rush", "mybot.py"]')
 
-    def _entries(self, given: Iterable[tuple[str, Any]], folder: Path) -> dict[str, str]:
+    def _entries(self, given: Iterable[tuple[str, Any]], folder: Path, *, least: int) -> dict[str, str]:
         entries: dict[str, str] = {}
         known = names()
         for name, spec in given:
@@ -271,7 +288,7 @@ class _Reader:
             if name in entries:
                 raise self._error(f"has two entries named {name!r}; name them apart, as in: [entries] {name}-2 = {_toml(spec)}")
             entries[name] = self._fighter(spec, folder, known)
-        if len(entries) < 2:
+        if len(entries) < least:
             raise self._error(f"has {len(entries)} {'entry' if entries else 'entries'}; it takes two to fight")
         return entries
 

@@ -13,6 +13,7 @@ from arena.sandbox.limits import BEHIND_A_WALL, NO_LIMITS, Limits
 from arena.sandbox.process import Sandbox
 from policies.registry import is_file_or_program
 from tournaments.league.entries import fingerprint_of, public_key_of
+from tournaments.league.season import SeasonTerms
 from tournaments.ratings.sprt import Sprt
 
 VENUES = ("network", "local", "ray")
@@ -56,6 +57,8 @@ class League:
     """Whether strangers' fighters play behind walls, in the venue `network`."""
     trusted: frozenset[str] = frozenset()
     """Entries that are files or programs, and need no wall."""
+    season: SeasonTerms | None = None
+    """What makes a season of it, whose entries are submitted; its file's own entries are the organiser's."""
     limits: Limits = NO_LIMITS
     """For each process of a stranger's fighter, in the venue `network`; what is None there is as behind every wall."""
 
@@ -85,6 +88,7 @@ class League:
             "clock": {"turn_time_s": time_control.turn_time_s, "bank_s": time_control.bank_s, "grace_s": time_control.grace_s},
             **({"maps": self.maps} if self.maps != League.maps else {}),
             **({"challenger": self.challenger} if self.challenger is not None else {}),
+            **({"season": True} if self.season is not None else {}),
             **({"sprt": {name: getattr(sprt, name) for name in BOUNDS}} if sprt is not None else {}),
         }
 

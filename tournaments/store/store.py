@@ -6,19 +6,13 @@ back while a league runs. A commit reaches the system at once: a killed process 
 """
 
 import json
-import logging
-import os
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from threading import RLock
-from typing import Any, Self, TypeVar
+from functools import cached_property
+from typing import Any, TypeVar
 
-from sqlalchemy import ColumnElement, Connection, Engine, delete, func, select, text, update
-from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.exc import DatabaseError
+from sqlalchemy import ColumnElement, Connection, delete, func, select, update
 
 from arena.errors import UnknownNameError
 from arena.game.types import Team, Termination
@@ -26,20 +20,17 @@ from arena.policy import MatchResult
 from tournaments.league.edits import find_edit, hash_definition
 from tournaments.league.versions import Version, entry_of, match_versions, with_labels
 from tournaments.outcome import Outcome, SeatOutcome
-from tournaments.store.lock import TakenError, lock_file
-from tournaments.store.migrations.upgrade import upgrade
-from tournaments.store.schema import LEAGUES, MATCHES, VERSIONS, StoreError, explain, is_lost, number, reach
+from tournaments.store.database import Database
+from tournaments.store.lock import TakenError
+from tournaments.store.schema import LEAGUES, MATCHES, VERSIONS, StoreError
 
 __all__ = ["Store", "StoreError", "StoredLeague", "TakenError"]
 
-PATIENCE_S = 30.0
-"""How long a server may be away in the middle of a league."""
 _STORED_NAMES = {"challenger": "hero"}
 """Keys of a definition that rows hold under another name: a league's hash, too, is of these."""
 _REVEALED = "revealed"
 """Where the row of a closed league holds its secret, beside its definition."""
 T = TypeVar("T")
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,88 +57,13 @@ class StoredLeague:
         return [outcome for outcome in outcomes if outcome.blue in entries and outcome.red in entries]
 
 
-class Store:
+class Store(Database):
     """The results of all leagues in one database."""
 
-    def __init__(self, url: str, *, make: bool = True, patience_s: float = PATIENCE_S) -> None:
-        """Open a store, and with `make` lay its tables if need be; `url` is of SQLAlchemy, or a file."""
-        self._engine, self._where = reach(url, must_exist=not make)
-        self._insert = postgresql.insert if self._engine.dialect.name == "postgresql" else sqlite.insert
+    @cached_property
+    def _keep(self) -> Any:
         keep = self._insert(MATCHES).on_conflict_do_nothing(index_elements=["identity"]).inline()
-        self._keep = keep.execution_options(preserve_rowcount=True)
-        self._patience_s = patience_s
-        self._sessions: dict[str, _LockedSession] = {}
-        try:
-            with self._explaining("open"):
-                upgrade(self._engine, self._where, make=make)
-        except BaseException:
-            self._engine.dispose()
-            raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._engine.dispose()
-
-    @contextmanager
-    def _explaining(self, what: str) -> Iterator[None]:
-        """Raise what the database raised as one sentence."""
-        try:
-            yield
-        except DatabaseError as error:
-            raise StoreError(explain(what, self._where, error)) from error
-
-    def _do(self, what: str, work: Callable[[Connection], T], league: str | None = None) -> T:
-        """Do something in one transaction; if the server goes away, wait for it and do it again.
-
-        What is done to a league whose lock is held is done in the session that holds it: whoever lost the lock cannot write.
-        """
-        give_up_at = None
-        while True:
-            try:
-                session = self._sessions.get(league) if league is not None else None
-                with session.use() if session is not None else self._engine.connect() as connection, connection.begin():
-                    return work(connection)
-            except (DatabaseError, TakenError) as error:
-                is_over = give_up_at is not None and time.monotonic() > give_up_at
-                if isinstance(error, TakenError):
-                    if give_up_at is None or is_over:  # until then, the server may not know that our old session is dead
-                        raise
-                elif is_over or not is_lost(error):
-                    raise StoreError(explain(what, self._where, error)) from error
-                elif give_up_at is None:
-                    give_up_at = time.monotonic() + self._patience_s
-                    said = explain(what, self._where, error)
-                    logger.warning("%s; trying again for %.0f s", said, self._patience_s)
-                time.sleep(0.2)
-
-    @contextmanager
-    def lock(self, league: str) -> Iterator[None]:
-        """Keep every other scheduler off a league; the lock dies with its process.
-
-        Raises
-        ------
-        TakenError
-            Another scheduler runs the league.
-        """
-        if self._engine.dialect.name != "postgresql":
-            if self._where == ":memory:":  # where nobody else can come
-                yield
-                return
-            file = os.path.realpath(self._where.removeprefix("file:").partition("?")[0])
-            with lock_file(Path(f"{file}.{league}.lock"), league):
-                yield
-            return
-        session = _LockedSession(self._engine, self._where, league)
-        with self._explaining("lock a league in"), session.use():
-            pass
-        self._sessions[league] = session
-        try:
-            yield
-        finally:
-            del self._sessions[league]
-            session.release()
+        return keep.execution_options(preserve_rowcount=True)
 
     def enter(self, name: str, definition: Mapping[str, Any], n_pairs: int) -> StoredLeague:
         """Return the row of a league that is about to be run, made if need be; whatever code is new in it is a new version.
@@ -164,12 +80,12 @@ class Store:
             the edit. Or it is closed, and was given more to play.
         """
         before = self.find(name)
-        if before is not None and self.count(before) == 0:
+        if before is not None and "season" not in before.definition and self.count(before) == 0:
             before = None  # nothing was played: it may still become another league
         known = [] if before is None else self.versions(before)
         versions = match_versions(definition["entries"], known)
         if before is not None:
-            _check_edit(before, definition, n_pairs, has_new={one.label for one in versions} - {one.label for one in known})
+            check_edit(before, definition, n_pairs, has_new={one.label for one in versions} - {one.label for one in known})
         stored = _rename(with_labels(definition, {one.entry: one.label for one in versions}), _STORED_NAMES)
         facts, now_s = _pack_facts(stored, None if before is None else before.secret), time.time()
         values = {"hash": hash_definition(stored), "facts": facts, "n_pairs": n_pairs, "run_at": now_s}
@@ -280,7 +196,7 @@ class Store:
         query = select(MATCHES).where(MATCHES.c.league_id == league.id)
         rows = self._do("read", lambda connection: connection.execute(query).all())
         return sorted(
-            (self._read(f"of the match {row.identity}", _outcome, row) for row in rows), key=lambda outcome: outcome.identity
+            (self._read(f"of the match {row.identity}", read_outcome, row) for row in rows), key=lambda outcome: outcome.identity
         )  # databases sort by their locale
 
     def identities(self, league: StoredLeague) -> set[str]:
@@ -302,52 +218,7 @@ class Store:
         return self._do("read", lambda connection: int(connection.scalar(query) or 0))
 
 
-class _LockedSession:
-    """A league's lock in PostgreSQL, and the session that holds it; when the session dies, so does the lock."""
-
-    def __init__(self, engine: Engine, where: str, league: str) -> None:
-        self._engine, self._where, self._league = engine, where, league
-        self._number = number(f"arena league {league}")
-        self._one_at_a_time = RLock()
-        self._connection: Connection | None = None
-
-    @contextmanager
-    def use(self) -> Iterator[Connection]:
-        """Lend the session, for one thread at a time; a dead one is followed by a new one that takes the lock again."""
-        with self._one_at_a_time:
-            if self._connection is None or self._connection.invalidated:
-                self.release()
-                self._connection = self._take()
-            yield self._connection
-
-    def _take(self) -> Connection:
-        # Every statement commits by itself, so that no transaction stays open between two matches.
-        connection = self._engine.connect().execution_options(isolation_level="AUTOCOMMIT")
-        try:
-            with connection.begin():
-                # The server is to notice within a minute, too, that this machine vanished.
-                for name, seconds in (("idle", 30), ("interval", 10), ("count", 3)):
-                    connection.execute(text(f"SET tcp_keepalives_{name} = {seconds}"))
-                if not connection.scalar(select(func.pg_try_advisory_lock(self._number))):
-                    raise TakenError(self._league, f"its lock in {self._where}")
-        except BaseException:
-            connection.close()
-            raise
-        return connection
-
-    def release(self) -> None:
-        """Let the lock go."""
-        connection, self._connection = self._connection, None
-        if connection is None:
-            return
-        with suppress(DatabaseError):
-            if not connection.invalidated:
-                with connection.begin():
-                    connection.execute(select(func.pg_advisory_unlock(self._number)))
-        connection.close()
-
-
-def _check_edit(before: StoredLeague, definition: Mapping[str, Any], n_pairs: int, *, has_new: Collection[str]) -> None:
+def check_edit(before: StoredLeague, definition: Mapping[str, Any], n_pairs: int, *, has_new: Collection[str]) -> None:
     """Refuse what would make another league of one that has results; `has_new` are the labels that it has not had so far."""
     edit = find_edit(before.definition, definition)
     if edit is None and n_pairs < before.n_pairs:
@@ -393,7 +264,7 @@ def _pack(seat: SeatOutcome) -> dict[str, Any]:
     return {"faults": seat.faults, "latency_p50_s": seat.latency_p50_s, "latency_p99_s": seat.latency_p99_s}
 
 
-def _outcome(row: Any) -> Outcome:
+def read_outcome(row: Any) -> Outcome:
     return Outcome(
         identity=row.identity,
         blue=row.blue,

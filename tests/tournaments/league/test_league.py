@@ -1,5 +1,6 @@
 """A league's file: what it may say, and in which sentence it is refused."""
 
+import re
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -285,6 +286,37 @@ def test_an_edit_of_maps_or_challenger_is_named() -> None:
     assert find_edit(facts[0], facts[1]) == "maps was edited (was paired, is fresh)"
     assert find_edit(facts[0], facts[2]) == "challenger was edited (was None, is rush)"
     assert find_edit(facts[0], facts[0]) is None
+
+
+SEASON = "[season]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (SEASON + "deadlin = 1", "did you mean 'deadline'"),
+        (SEASON + 'deadline = "tomorrow"', "write a time such as"),
+        (SEASON + "final_pairs = -1", "from 0 to 1000"),
+        (SEASON + 'submissions = "7448"', "an endpoint such as tcp/0.0.0.0:7448"),
+        (SEASON + 'invites = "gone.txt"', "a file with a code on each line"),
+        ("pairs = 3\n" + SEASON, "chooses its pairs itself"),
+        ("season = 3", "write its terms below [season]"),
+    ],
+)
+def test_a_season_that_cannot_be_is_said_in_one_sentence(text: str, says: str) -> None:
+    with pytest.raises(InputError, match=re.escape(says)):
+        parse(text)
+
+
+def test_a_season_has_terms_and_may_begin_without_entries(tmp_path: Path) -> None:
+    (tmp_path / "codes").write_text("a\nb\n")
+    season = parse(SEASON + 'deadline = 2027-01-31T18:00:00Z\nfreeze = 2027-01-30T18:00:00Z\ninvites = "codes"', tmp_path)
+    terms = season.season
+
+    assert terms is not None
+    assert (season.entries, season.definition["season"], terms.invites) == ({}, True, tmp_path / "codes")
+    assert [terms.is_open(at_s) for at_s in (0.0, 1_801_418_399.0, 1_801_418_400.0)] == [True, True, False]
+    assert [terms.is_frozen(at_s) for at_s in (0.0, 1_801_332_000.0)] == [False, True]
 
 
 STRANGERS = 'entries = ["rush", "mine.py"]\n'
