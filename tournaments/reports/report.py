@@ -18,6 +18,7 @@ from tournaments.ratings.shares import find_shares
 from tournaments.ratings.sprt import PAIR_SCORES
 from tournaments.ratings.standings import Standings, stand
 from tournaments.reports.leaderboard import rounded, row_to_dict
+from tournaments.reports.version_curves import Step, curve_lines, curves_to_dict, find_curves
 from tournaments.running.duel import Duel, judge
 from tournaments.store.store import StoredLeague
 
@@ -47,6 +48,11 @@ class Report:
     """The test that the league plays, if it plays one; then only the matches of its pairs are reported."""
     findings: tuple[str, ...] = ()
     """Sentences on what a reader should beware of, beside those that `warnings` finds itself."""
+
+    @property
+    def curves(self) -> dict[str, tuple[Step, ...]]:
+        """The versions of each entry that has several, where all are rated."""
+        return find_curves(self.standings, self.league.definition["entries"]) if self.has_all_versions else {}
 
     @property
     def is_complete(self) -> bool:
@@ -120,6 +126,7 @@ def to_document(report: Report) -> dict[str, Any]:
         },
         **({} if report.rating_method == DEFAULT else {"rating_method": report.rating_method}),
         "standings": [row_to_dict(row) for row in standings.rows],
+        **({"versions": curves_to_dict(report.curves)} if report.has_all_versions else {}),
         "cross": {
             row.name: {
                 other.name: asdict(record) | {"score": rounded(record.score, 4)}
@@ -209,6 +216,7 @@ def summary(report: Report) -> list[str]:
         lines.append(drawn if rate is None else f"{drawn}; two of equal strength would draw {rate:.1%} of their matches")
     if report.n_earlier:
         lines.append(f"{report.n_earlier:,} matches of earlier versions are stored and not counted; --all-versions counts them")
+    lines += curve_lines(report.curves)
     if report.rating_method != DEFAULT:
         lines.append(f"ratings by the method {report.rating_method}")
     if any(row.latency for row in standings.rows):
