@@ -22,6 +22,7 @@ from tournaments.commands.gauntlet import gauntlet
 from tournaments.commands.league import leaderboard, tournament
 from tournaments.commands.new import new
 from tournaments.commands.play import play
+from tournaments.commands.season import season
 from tournaments.commands.serve import serve
 from tournaments.commands.web import web
 
@@ -45,6 +46,7 @@ COMMANDS: dict[str, Command] = {
     "replay": replay,
     "restore": restore,
     "rules": rules,
+    "season": season,
     "serve": serve,
     "tournament": tournament,
     "train": train,
