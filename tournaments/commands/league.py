@@ -247,7 +247,10 @@ def show_status(
     if as_json:
         print_json(facts)
     else:
-        print_table(("league", "entries", "played", "planned", "complete"), [tuple(fact.values()) for fact in facts])
+        print_table(
+            ("league", "entries", "played", "planned", "complete"),
+            [tuple("-" if value is None else value for value in fact.values()) for fact in facts],
+        )
 
 
 def leaderboard(
@@ -304,6 +307,8 @@ def _report(
     folders = Folders(data=data_folder(data))
     with Store(db or str(folders.data / "arena.db"), make=False) as store:
         row = store.get(name) if name else store.latest()
+        if row.is_season:
+            raise InputError(f"{row.name} is a season; show its table by: arena season status {row.name}")
         outcomes = store.outcomes(row)
     report = make_report(row, outcomes, rating_method=ratings or DEFAULT, has_all_versions=has_all_versions, shares=shares or ())
     _show(report, form, out, folders.journals(row.name))

@@ -159,12 +159,3 @@ def test_what_is_checked_by_a_process_that_is_killed_still_waits(season: Season)
     assert [one.state for one in season.store.submissions(season.row)] == [WAITING]
     assert intake.check_next()
     assert [one.state for one in season.store.submissions(season.row)] == [REFUSED]
-
-
-def test_the_thread_checks_what_comes(season: Season) -> None:
-    with season.intake() as intake:
-        submit(season, pack())
-        intake.wake()
-        assert season.changed.wait(60.0)
-    assert [one.state for one in season.store.submissions(season.row)] == [ACCEPTED]
-    assert intake.failure is None
