@@ -6,11 +6,13 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from importlib.metadata import files
+from importlib.metadata import distribution, files
 from pathlib import Path
 
 import pytest
 from commands import port
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from arena.jit import cache_root
 
@@ -18,6 +20,12 @@ __all__ = ["port"]  # a fixture
 
 ROOT = Path(__file__).parents[2]
 LINES = (ROOT / "Dockerfile").read_text(encoding="utf-8").replace("\\\n", " ").splitlines()
+
+
+BASE_BYTES = 150_000_000
+"""Of python:3.12-slim with bubblewrap and pip, rounded up."""
+KERNELS_BYTES = 20_000_000
+"""Of the compiled rules and fighters, rounded up."""
 
 
 def steps(kind: str) -> list[str]:
@@ -60,6 +68,33 @@ def test_its_extras_exist_and_bring_no_torch() -> None:
 
     assert "--constraint constraints.txt" in install
     assert not [package for package in packages if "torch" in package or "arena-pit" in package]
+
+
+def test_what_it_installs_leaves_it_below_a_gigabyte() -> None:
+    (install,) = [step for step in steps("RUN") if "pip install" in step]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = re.findall(r'"\.\[(.*)\]"', install)[0].split(",")
+    wanted = [*project["dependencies"], *(package for extra in extras for package in project["optional-dependencies"][extra])]
+    installed: dict[str, int] = {}
+    while wanted:
+        needed = Requirement(wanted.pop())
+        name = canonicalize_name(needed.name)
+        if name not in installed:
+            found = distribution(name)
+            installed[name] = sum(place.stat().st_size for file in found.files or () if (place := Path(file.locate())).is_file())
+            wanted += [
+                line
+                for line in found.requires or ()
+                if (marker := Requirement(line).marker) is None
+                or any(marker.evaluate({"extra": extra}) for extra in ("", *needed.extras))
+            ]
+    own = sum(
+        path.stat().st_size for name in ("arena", "clients", "policies", "tournaments") for path in (ROOT / name).rglob("*")
+    )
+
+    assert {"numba", "scipy", "psycopg-binary", "prometheus-client"} <= installed.keys()
+    assert "torch" not in installed
+    assert sum(installed.values()) + own + KERNELS_BYTES + BASE_BYTES < 1_000_000_000
 
 
 def test_what_it_copies_reaches_the_build() -> None:
@@ -115,7 +150,7 @@ def test_its_health_check_asks_the_metrics_of_its_own_command_and_fails_without_
     assert "Connection refused" in done.stderr
 
 
-def test_what_its_command_listens_at_is_exposed_and_more_is_not(image: dict[str, str]) -> None:
+def test_what_its_command_listens_at_is_exposed_and_more_is_not() -> None:
     command = steps("CMD")[0]
 
     assert set(re.findall(r'(?:0\.0\.0\.0:|"--web", ")(\d+)', command)) == set(steps("EXPOSE")[0].split())
