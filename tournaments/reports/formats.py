@@ -9,7 +9,7 @@ from pathlib import Path
 from arena.console import format_table
 from arena.console import to_json as write_json
 from arena.errors import InputError
-from tournaments.reports.leaderboard import as_table, fault_kinds, rounded, row_to_dict
+from tournaments.reports.leaderboard import as_table, fault_kinds, rounded, row_to_dict, share_columns
 from tournaments.reports.report import MOST_SHOWN, Report, summary, to_document
 
 
@@ -89,12 +89,14 @@ def to_csv(report: Report) -> str:
     """Return the leaderboard as CSV: a row for each entry, an empty cell for what is not known."""
     standings = report.standings.rows
     values = [row_to_dict(row) for row in standings]
-    columns = [name for name in (values[0] if values else ()) if name != "faults"]
+    columns = [name for name in (values[0] if values else ()) if name not in ("faults", "shares")]
     kinds = fault_kinds(standings)
+    shares = [name for column in share_columns(standings) for name in (column.name, f"{column.name}_low", f"{column.name}_high")]
     text = StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow((*columns, *kinds, "latency_p50_s", "latency_p99_s"))
+    table.writerow((*columns, *shares, *kinds, "latency_p50_s", "latency_p99_s"))
     for row, value in zip(standings, values, strict=True):
         latency = (None, None) if row.latency is None else (rounded(row.latency.p50_s, 6), rounded(row.latency.p99_s, 6))
-        table.writerow((*(value[name] for name in columns), *(row.faults.get(kind, 0) for kind in kinds), *latency))
+        drawn = [part for of in value.get("shares", {}).values() for part in of.values()]
+        table.writerow((*(value[name] for name in columns), *drawn, *(row.faults.get(kind, 0) for kind in kinds), *latency))
     return text.getvalue()

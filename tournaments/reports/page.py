@@ -18,8 +18,8 @@ from arena.records.plan import LeagueMatchId
 from clients.web.page_file import player_page
 from tournaments.outcome import Outcome
 from tournaments.ratings.methods import DEFAULT
-from tournaments.reports.charts import chance_map, format_record, heat_map, rating_plot, side_plot
-from tournaments.reports.leaderboard import STRENGTH, failure_columns, latency_columns
+from tournaments.reports.charts import chance_map, curve_plots, format_record, heat_map, rating_plot, side_plot
+from tournaments.reports.leaderboard import STRENGTH, failure_columns, latency_columns, share_columns
 from tournaments.reports.replays import pack_replays
 from tournaments.reports.report import LATENCY_NOTE, MOST_SHOWN, Report, verdict_lines, warnings
 from tournaments.store.store import StoredLeague
@@ -52,11 +52,12 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
         league=report.league,
         standings=standings,
         rows=standings.rows,
-        strength=STRENGTH,
+        strength=(*STRENGTH, *share_columns(standings.rows)),
         failures=failures,
         absent=[column.name for column in absent],
         latency=latency_columns(standings.rows),
         plot=rating_plot(standings.rows),
+        curves=curve_plots(report.curves),
         side=side_plot(standings.side),
         sides=(("blue", standings.side.blue_wins), ("drawn", standings.side.draws), ("red", standings.side.red_wins)),
         heat=heat_map(standings),

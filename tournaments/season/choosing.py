@@ -19,13 +19,13 @@ repetition of a fixture is worth less than the one before (`FIXTURE_ELO`), and r
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tournaments.intervals import Z95
 from tournaments.ratings.davidson import ELO, Floats
+from tournaments.ratings.normal import Posterior
 
 NEWCOMER_ELO = 100.0
 """Whoever has a wider 95% interval, and has played less than most, is a newcomer, ..."""
@@ -53,29 +53,9 @@ class Player:
     """Two of one owner never meet; the organiser's own, whose owner is empty, do."""
 
 
-class Estimate(Protocol):
-    """What is known of strengths, in units of `tournaments.ratings.davidson`."""
-
-    @property
-    def strengths(self) -> Floats:
-        """Shape (players,)."""
-
-    @property
-    def side(self) -> float:
-        """Of blue."""
-
-    @property
-    def draw(self) -> float:
-        """Log odds of a draw between equals."""
-
-    @property
-    def covariance(self) -> Floats:
-        """Of strengths, shape (players, players)."""
-
-
 def choose_pairs(
     players: Sequence[Player],
-    estimate: Estimate,
+    posterior: Posterior,
     n_played: Ints,
     n_pairs: int,
     rng: np.random.Generator,
@@ -85,6 +65,8 @@ def choose_pairs(
 
     Parameters
     ----------
+    posterior
+        What is known of the players' strengths, in their order.
     n_played
         Pairs that any two have played, shape (players, players), symmetric.
     n_pairs
@@ -92,9 +74,9 @@ def choose_pairs(
     rng
         Decides between pairs that are worth the same, and which of a pair is named first.
     under_way
-        Pairs whose results the estimate does not know yet.
+        Pairs whose results the posterior does not know yet.
     """
-    table = _Table(players, estimate, n_played)
+    table = _Table(players, posterior, n_played)
     for one, other in under_way:
         table.assume(one, other)
     chosen: list[tuple[int, int]] = []
@@ -110,9 +92,9 @@ def choose_pairs(
 class _Table:
     """What is known of a table, and what would be, if more pairs were played."""
 
-    def __init__(self, players: Sequence[Player], estimate: Estimate, n_played: Ints) -> None:
+    def __init__(self, players: Sequence[Player], posterior: Posterior, n_played: Ints) -> None:
         n = len(players)
-        if n_played.shape != (n, n) or estimate.strengths.shape != (n,) or not np.array_equal(n_played, n_played.T):
+        if n_played.shape != (n, n) or posterior.strengths.shape != (n,) or not np.array_equal(n_played, n_played.T):
             raise ValueError(f"for {n} players, strengths and a symmetric table of pairs are needed")
         owners = np.array([player.owner or f"\0{number}" for number, player in enumerate(players)])
         may_meet = owners[:, None] != owners[None, :]
@@ -121,14 +103,14 @@ class _Table:
         self._n_opponents = np.maximum(may_meet.sum(axis=1), 1)
         self._n_pairs = n_played.sum(axis=1).astype(np.float64)
         self._n_repeats = n_played[self._ones, self._others].astype(np.float64)
-        covariance = estimate.covariance
+        covariance = posterior.covariance[:n, :n]
         # Around the mean, as ratings are shown: differences, all that a match tells of, stay what they are.
         self._covariance = covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
         self._variances = self._spread(self._covariance)
         """Of every couple's difference."""
-        self._strengths = estimate.strengths
-        differences = estimate.strengths[self._ones] - estimate.strengths[self._others]
-        self._information = _expect_information(differences, self._variances, estimate.side, estimate.draw)
+        self._strengths = posterior.strengths
+        differences = posterior.strengths[self._ones] - posterior.strengths[self._others]
+        self._information = _expect_information(differences, self._variances, posterior.side, posterior.draw)
         self._newcomers = np.zeros(n, dtype=bool)
         self._weights: Floats | None = None
         """The matrix `W`: what the table is worth is `-trace(W covariance)`."""

@@ -1,7 +1,6 @@
 """Which pairs a season plays next, in made-up leagues whose truth is known."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from math import log
 
 import numpy as np
@@ -12,29 +11,14 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from tournaments.intervals import Z95
-from tournaments.ratings.davidson import ELO, Floats, chances, fit, posterior
+from tournaments.ratings.davidson import ELO, Floats, chances
+from tournaments.ratings.normal import Posterior, fit_counts
 from tournaments.season.choosing import MOST_AS_NEWCOMER, NEWCOMER_ELO, REPEATS, Player, choose_pairs
 
 Pairs = list[tuple[int, int]]
 Choice = Callable[["League", int, np.random.Generator], Pairs]
 DRAW = log(2 / 9)
 SIDE = 20 / ELO
-
-
-@dataclass(frozen=True)
-class Estimate:
-    strengths: Floats
-    side: float
-    draw: float
-    covariance: Floats
-
-    @property
-    def widths_elo(self) -> Floats:
-        """Of the 95% intervals around the mean."""
-        centred = self.covariance - self.covariance.mean(axis=0)
-        centred -= centred.mean(axis=1)[:, None]
-        widths: Floats = 2 * Z95 * ELO * np.sqrt(np.diag(centred))
-        return widths
 
 
 class League:
@@ -47,7 +31,6 @@ class League:
         self.chances = chances(np.array([*strengths, SIDE, DRAW]))
         self.counts = np.zeros((self.n, self.n, 3))
         self.n_played: NDArray[np.int64] = np.zeros((self.n, self.n), dtype=np.int64)
-        self._at: Floats | None = None
 
     def play(self, pairs: Pairs, rng: np.random.Generator, n_times: int = 1) -> None:
         for one, other in pairs:
@@ -55,11 +38,13 @@ class League:
                 self.counts[blue, red] += rng.multinomial(n_times, self.chances[blue, red])
                 self.n_played[blue, red] += n_times
 
-    def estimate(self) -> Estimate:
-        at = fit(self.counts[None], start=self._at)
-        self._at = at[0]
-        covariance = np.linalg.inv(posterior(at, self.counts[None], np.zeros_like(at))[2][0])
-        return Estimate(at[0, : self.n], at[0, self.n], at[0, self.n + 1], covariance[: self.n, : self.n])
+    def estimate(self) -> Posterior:
+        return fit_counts(self.counts)
+
+    def width_elo(self, player: int) -> float:
+        """Return the width of a 95% interval."""
+        _, covariance = self.estimate().centred
+        return float(2 * Z95 * covariance[player, player] ** 0.5)
 
     def order(self) -> float:
         """Return how near the order is to the truth."""
@@ -96,7 +81,7 @@ def settle(league: League, newcomer: int, rng: np.random.Generator, n_times: int
 
 def count_until_known(newcomer: int, choose: Choice, league: League, rng: np.random.Generator) -> int:
     """Return how many pairs a newcomer plays until its interval is as narrow as it should be."""
-    while league.estimate().widths_elo[newcomer] > NEWCOMER_ELO:
+    while league.width_elo(newcomer) > NEWCOMER_ELO:
         league.play(choose(league, 4, rng), rng)
         assert league.n_played[newcomer].sum() < 1_000
     return int(league.n_played[newcomer].sum())
@@ -150,7 +135,7 @@ def test_the_pair_that_is_chosen_is_the_one_after_which_a_newcomer_is_known_best
     def variance_after(one: int, other: int) -> float:
         e = np.zeros(6)
         e[one], e[other] = 1.0, -1.0
-        d, v = e @ known.strengths, e @ known.covariance @ e
+        d, v = e @ known.strengths, e @ known.covariance[:6, :6] @ e
         flat = (1 + np.pi * v / 8) ** -0.5
         information = 0.0
         for half in (float(flat * (d + side) / 2) for side in (known.side, -known.side)):
@@ -159,7 +144,7 @@ def test_the_pair_that_is_chosen_is_the_one_after_which_a_newcomer_is_known_best
             information += flat * (1 - drawn - (blue - red) ** 2) / 4
         off = (60 / ELO) ** 2
         information /= (1 + league.n_played[one, other] * information * off) ** 2
-        after = np.linalg.inv(np.linalg.inv(known.covariance) + information * np.outer(e, e))
+        after = np.linalg.inv(np.linalg.inv(known.covariance[:6, :6]) + information * np.outer(e, e))
         centre = np.eye(6) - 1 / 6
         return float((centre @ after @ centre)[2, 2])
 
@@ -209,7 +194,7 @@ def test_whoever_loses_every_match_does_not_keep_everyone_busy() -> None:
         league.play(by_what_tells_most(league, 20, rng), rng)
     batch = by_what_tells_most(league, 20, rng)
 
-    assert league.estimate().widths_elo[0] > NEWCOMER_ELO
+    assert league.width_elo(0) > NEWCOMER_ELO
     assert sum(0 in pair for pair in batch) <= 5
 
 
