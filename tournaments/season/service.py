@@ -72,6 +72,8 @@ class Season:
 
     Parameters
     ----------
+    think_s
+        What a turn of each of its file's entries takes, as far as it was measured.
     clock
         Seconds since 1970.
     """
@@ -83,6 +85,7 @@ class Season:
         folders: Folders,
         *,
         events: SeasonEvents,
+        think_s: Mapping[str, float],
         clock: Callable[[], float] = time.time,
     ) -> None:
         if league.season is None:
@@ -90,7 +93,7 @@ class Season:
                 f"league {league.name} is no season; write [season] into its file, or play it: arena tournament run"
             )
         self._league, self._terms, self._store, self._folders = league, league.season, store, folders
-        self._events, self._clock = events, clock
+        self._events, self._clock, self._think_s = events, clock, think_s
         self._folder = folders.season(league.name)
         self._locks = ExitStack()
         self.state = SeasonState()
@@ -121,7 +124,7 @@ class Season:
         if self.row.secret is not None:
             self._enter_phase(Phase.OVER)
             return
-        with self._submissions() as (desk, intake):
+        with self._submissions(venue) as (desk, intake):
             yield from self._play(venue, is_stopped, desk, intake)
             if is_stopped():
                 return
@@ -129,7 +132,7 @@ class Season:
             yield from self._play_final(venue, is_stopped)
 
     @contextmanager
-    def _submissions(self) -> Iterator[tuple[Desk, Intake]]:
+    def _submissions(self, venue: str) -> Iterator[tuple[Desk, Intake]]:
         """Take submissions, and check them."""
         league, terms, store = self._league, self._terms, self._store
         identity = load_or_make(self._folders.keys / league.name / "season.key")
@@ -147,6 +150,7 @@ class Season:
             store, self.row, terms, folder, self._folders.journals(league.name),
             Register(self._folder / "register.json", invites),
             clock=self._clock, on_submission=intake.wake, on_change=lambda: None, describe=self._describe_entry,
+            why_not_remote=_why_not_remote(league, venue),
         )  # fmt: skip
         address = Address(endpoint=terms.submissions, pit=league.name, fingerprint=identity.fingerprint)
         with open_router(address.endpoint, address.pit) as session, intake, self._desk(session, identity, owners) as desk:
@@ -174,6 +178,7 @@ class Season:
             runner = SeasonRunner(
                 league, self._store, self.row, self._secret, pit, folder=self._folder, journals=setting.journals,
                 clock=self._clock, rng=np.random.default_rng(int.from_bytes(os.urandom(16), "big")),
+                think_s=self._think_s, n_cores=len(os.sched_getaffinity(0)),
             )  # fmt: skip
             next_look_s = 0.0
             phase = Phase.OPEN
@@ -191,7 +196,7 @@ class Season:
                         runner.publish(phase)
                 if phase is Phase.FINAL and not runner.n_under_way:
                     break
-                for outcome in runner.step(phase, may_choose=phase is not Phase.FINAL):
+                for outcome in runner.step(phase, may_choose=phase is not Phase.FINAL, is_busy=intake.is_checking):
                     self._count(outcome)
                     yield outcome
                 self._note(runner)
@@ -228,3 +233,12 @@ class Season:
     def _note(self, runner: SeasonRunner) -> None:
         self.state.n_matches, self.state.n_playing = runner.results.n_matches, runner.n_under_way
         self.state.n_waiting, self.state.looked_at_s = runner.n_waiting, time.monotonic()
+
+
+def _why_not_remote(league: League, venue: str) -> str:
+    """Return why no entry of a season can join by itself, or nothing."""
+    if venue != "network":
+        return "this season plays where nobody joins by itself; submit the bot without --remote"
+    if league.maps != "fresh":
+        return "this season plays each map twice, which who joins by itself may remember; submit the bot without --remote"
+    return ""
