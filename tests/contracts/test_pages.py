@@ -19,11 +19,12 @@ from tournaments.league.file import load_league
 Run = Callable[..., subprocess.CompletedProcess[str]]
 NOT_RUN = {
     r"arena (serve|join|watch|web|leaderboard --ladder)": "waits for others on the network: tests/e2e/ runs them",
-    r"arena (season|submit|backup course|restore course)": "is a season's: tests/tournaments/test_course.py follows its page",
+    r"arena (season|backup course|restore course)": "is a season's: tests/tournaments/test_course.py follows its page",
     r"arena (backup|restore) all": "is of a folder that plays: tests/tournaments/test_backup.py",
     r"arena train (?!figures)": "takes minutes: the notebook trains in small, tests/policies/training/ in every way",
     r"arena train figures": "draws the runs of hours: tests/policies/training/test_figures.py draws small ones",
     r"arena check": "starts processes behind walls for half a minute: tests/tournaments/authoring/",
+    r"arena submit": "waits for the check of a season: tests/tournaments/season/test_submit.py",
     r"arena debug .*--tick": "waits for somebody at a debugger: tests/e2e/test_debugging_at_a_terminal.py",
     r"arena play .*--step": "waits for somebody at a terminal: tests/e2e/test_stepping_at_a_terminal.py",
     r"arena play .*--sandbox": "needs bubblewrap: tests/arena/sandbox/",
