@@ -18,6 +18,7 @@ from tournaments.ratings.shares import find_shares
 from tournaments.ratings.sprt import PAIR_SCORES
 from tournaments.ratings.standings import Standings, stand
 from tournaments.reports.leaderboard import rounded, row_to_dict
+from tournaments.reports.opponents import find_opponents, opponents_to_dict
 from tournaments.reports.version_curves import Step, curve_lines, curves_to_dict, find_curves
 from tournaments.running.duel import Duel, judge
 from tournaments.store.store import StoredLeague
@@ -147,6 +148,7 @@ def to_document(report: Report) -> dict[str, Any]:
         | {"significant": standings.side.is_significant},
         "draw_rate": rounded(standings.draw_rate, 4),
         "residuals": [{name: rounded(value, 4) for name, value in asdict(residual).items()} for residual in standings.residuals],
+        "opponents": opponents_to_dict(find_opponents(standings)),
         "cycles": [
             {"entries": list(cycle.entries), "scores": [rounded(score, 4) for score in cycle.scores], "p": rounded(cycle.p, 6)}
             for cycle in standings.cycles
