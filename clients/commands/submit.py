@@ -142,7 +142,10 @@ def _print_status(facts: Mapping[str, Any], *, as_json: bool) -> None:
     if queue is not None:
         say(f"{entry} waits for its check, as number {queue} of the queue")
     say(f"{entry} does not play" if plays is None else f"version {plays} of {entry} plays")
-    if standing:
+    n_matches = sum(standing[key] for key in ("wins", "draws", "losses")) if standing else 0
+    if standing and not n_matches:
+        say("it has played no match yet")
+    elif standing:
         around = f"95% from {standing['elo_low']:.0f} to {standing['elo_high']:.0f}"
         record = f"{standing['wins']} won, {standing['draws']} drawn, {standing['losses']} lost"
         say(f"it is number {standing['rank']} with {standing['elo']:.0f} Elo ({around}): {record}")
@@ -157,8 +160,9 @@ def _print_status(facts: Mapping[str, Any], *, as_json: bool) -> None:
     )
     for match in facts.get("matches", ()):
         say(f"{match['label']} against {match['opponent']}: {match['how']}")
-    if facts.get("page"):
-        say(f"its page: {facts['page']}")
+    for what, key in (("it joins with", "join"), ("its page", "page")):
+        if facts.get(key):
+            say(f"{what}: {facts[key]}")
 
 
 def _version_row(version: Mapping[str, Any]) -> tuple[object, ...]:
