@@ -19,6 +19,7 @@ from arena.network.address import Address
 from arena.network.session import open_router
 from arena.pit.register import Register, read_invites
 from arena.protocol.identity import Identity
+from tournaments.league.entries import REMOTE
 from tournaments.league.league import League, LeagueError
 from tournaments.league.secret import commit_to, find_secret
 from tournaments.outcome import Outcome
@@ -95,6 +96,8 @@ class Season:
         self._locks = ExitStack()
         self.state = SeasonState()
         self._phase: Phase | None = None
+        self._address: Address | None = None
+        """Of the pit that is open, for those who join by themselves."""
 
     def __enter__(self) -> Self:
         league, store = self._league, self._store
@@ -121,7 +124,7 @@ class Season:
         if self.row.secret is not None:
             self._enter_phase(Phase.OVER)
             return
-        with self._submissions() as (desk, intake):
+        with self._submissions(venue) as (desk, intake):
             yield from self._play(venue, is_stopped, desk, intake)
             if is_stopped():
                 return
@@ -129,7 +132,7 @@ class Season:
             yield from self._play_final(venue, is_stopped)
 
     @contextmanager
-    def _submissions(self) -> Iterator[tuple[Desk, Intake]]:
+    def _submissions(self, venue: str) -> Iterator[tuple[Desk, Intake]]:
         """Take submissions, and check them."""
         league, terms, store = self._league, self._terms, self._store
         identity = load_or_make(self._folders.keys / league.name / "season.key")
@@ -147,6 +150,7 @@ class Season:
             store, self.row, terms, folder, self._folders.journals(league.name),
             Register(self._folder / "register.json", invites),
             clock=self._clock, on_submission=intake.wake, on_change=lambda: None, describe=self._describe_entry,
+            why_no_remote=self._why_no_remote(venue),
         )  # fmt: skip
         address = Address(endpoint=terms.submissions, pit=league.name, fingerprint=identity.fingerprint)
         with open_router(address.endpoint, address.pit) as session, intake, self._desk(session, identity, owners) as desk:
@@ -156,11 +160,26 @@ class Season:
     def _desk(self, session: Any, identity: Identity, owners: OwnerRequests) -> Desk:
         return Desk(session, self._league.name, identity, owners)
 
+    def _why_no_remote(self, venue: str) -> str:
+        """Return why no entry can join by itself; empty if they can."""
+        if venue == "network" and self._league.listen and self._league.maps == "fresh":
+            return ""
+        return (
+            'no entry joins this season by itself; its organiser can allow it by venue = "network", maps = "fresh" and '
+            'listen = "tcp/0.0.0.0:PORT"'
+        )
+
     def _describe_entry(self, entry: SeasonEntry) -> dict[str, Any]:
-        """Return what the owner of an entry is told beside its own versions: where it stands, and where its page is."""
+        """Return what the owner of an entry is told beside its own versions: where it stands, where its page is, and its pit."""
         table = self._store.standings(self.row)
         rows = [] if table is None else [row for row in table["rows"] if row["label"] == entry.label]
-        return {"standing": rows[0] if rows else None, "page": self._terms.page}
+        is_remote = any(one.label == entry.label and one.spec.startswith(REMOTE) for one in self._store.versions(self.row))
+        command = f"arena join '{self._address}' --name {entry.label} --key FILE --forever"
+        return {
+            "standing": rows[0] if rows else None,
+            "page": self._terms.page,
+            "join": command if is_remote and self._address is not None else "",
+        }
 
     def _play(self, venue: str, is_stopped: Callable[[], bool], desk: Desk, intake: Intake) -> Iterator[Outcome]:
         """Play the season itself, until its final is to begin and nothing is under way any more."""
@@ -171,6 +190,7 @@ class Season:
             listen=league.listen,
         )  # fmt: skip
         with open_venue(venue, setting) as pit:
+            self._address = pit.address if self._league.listen else None
             runner = SeasonRunner(
                 league, self._store, self.row, self._secret, pit, folder=self._folder, journals=setting.journals,
                 clock=self._clock, rng=np.random.default_rng(int.from_bytes(os.urandom(16), "big")),
