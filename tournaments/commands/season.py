@@ -85,8 +85,8 @@ def open_season(
     events = SeasonEvents(on_open=on_open, on_phase=on_phase, on_invitation=on_invitation)
     with SeasonStore(db or str(folders.data / "arena.db")) as store, ExitStack() as beside:
         compile_kernels([*game_kernels(chosen.ruleset), *fighter_kernels(chosen.entries.values())])
-        check_entries(chosen.entries, chosen.ruleset, chosen.sandboxes)
-        running = beside.enter_context(Season(chosen, store, folders, events=events))
+        think_s = check_entries(chosen.entries, chosen.ruleset, chosen.sandboxes)
+        running = beside.enter_context(Season(chosen, store, folders, events=events, think_s=think_s))
         if metrics:
             beside.enter_context(serve_metrics(metrics, _reader(running)))
         for outcome in running.run(venue, stop.is_set):

@@ -55,8 +55,8 @@ class OwnerRequests:
         Called when an entry plays another version, or none.
     describe
         Returns what else the season tells the owner of an entry: its place in the table, its page, where it joins.
-    why_no_remote
-        Why no entry plays from its owner's machine here, in a sentence; empty if they do.
+    why_not_remote
+        Why no entry may play from its owner's machine; nothing if it may.
     """
 
     def __init__(
@@ -72,11 +72,12 @@ class OwnerRequests:
         on_submission: Callable[[], None],
         on_change: Callable[[], None],
         describe: Callable[[SeasonEntry], Mapping[str, Any]] = lambda _: {},
-        why_no_remote: str = "",
+        why_not_remote: str = "",
     ) -> None:
         self._store, self._league, self._terms, self._folder, self._logs = store, league, terms, folder, logs
         self._register, self._clock, self._describe = register, clock, describe
-        self._on_submission, self._on_change, self._why_no_remote = on_submission, on_change, why_no_remote
+        self._why_not_remote = why_not_remote
+        self._on_submission, self._on_change = on_submission, on_change
         self._most_bytes = terms.most_kb * 1_000
         self._uploads = Uploads(self._most_bytes)
         self._commands: dict[str, Callable[[SeasonRequest, float], Message]] = {
@@ -138,8 +139,8 @@ class OwnerRequests:
         return SeasonAnswer(text=f"it waits for its check{after}", offset=len(came), facts={"submission": kept.id})
 
     def _play_remotely(self, request: SeasonRequest, now_s: float) -> Message:
-        if self._why_no_remote:
-            raise InputError(self._why_no_remote)
+        if self._why_not_remote:
+            raise InputError(self._why_not_remote)
         self._check_may_submit(request)
         spec = REMOTE + to_text(request.entry)
         digest = sha256(spec.encode()).hexdigest()

@@ -73,6 +73,8 @@ class Season:
 
     Parameters
     ----------
+    think_s
+        What a turn of each of its file's entries takes, as far as it was measured.
     clock
         Seconds since 1970.
     """
@@ -84,6 +86,7 @@ class Season:
         folders: Folders,
         *,
         events: SeasonEvents,
+        think_s: Mapping[str, float],
         clock: Callable[[], float] = time.time,
     ) -> None:
         if league.season is None:
@@ -91,7 +94,7 @@ class Season:
                 f"league {league.name} is no season; write [season] into its file, or play it: arena tournament run"
             )
         self._league, self._terms, self._store, self._folders = league, league.season, store, folders
-        self._events, self._clock = events, clock
+        self._events, self._clock, self._think_s = events, clock, think_s
         self._folder = folders.season(league.name)
         self._locks = ExitStack()
         self.state = SeasonState()
@@ -150,7 +153,7 @@ class Season:
             store, self.row, terms, folder, self._folders.journals(league.name),
             Register(self._folder / "register.json", invites),
             clock=self._clock, on_submission=intake.wake, on_change=lambda: None, describe=self._describe_entry,
-            why_no_remote=self._why_no_remote(venue),
+            why_not_remote=_why_not_remote(league, venue),
         )  # fmt: skip
         address = Address(endpoint=terms.submissions, pit=league.name, fingerprint=identity.fingerprint)
         with open_router(address.endpoint, address.pit) as session, intake, self._desk(session, identity, owners) as desk:
@@ -159,15 +162,6 @@ class Season:
 
     def _desk(self, session: Any, identity: Identity, owners: OwnerRequests) -> Desk:
         return Desk(session, self._league.name, identity, owners)
-
-    def _why_no_remote(self, venue: str) -> str:
-        """Return why no entry can join by itself; empty if they can."""
-        if venue == "network" and self._league.listen and self._league.maps == "fresh":
-            return ""
-        return (
-            'no entry joins this season by itself; its organiser can allow it by venue = "network", maps = "fresh" and '
-            'listen = "tcp/0.0.0.0:PORT"'
-        )
 
     def _describe_entry(self, entry: SeasonEntry) -> dict[str, Any]:
         """Return what the owner of an entry is told beside its own versions: where it stands, where its page is, and its pit."""
@@ -194,6 +188,7 @@ class Season:
             runner = SeasonRunner(
                 league, self._store, self.row, self._secret, pit, folder=self._folder, journals=setting.journals,
                 clock=self._clock, rng=np.random.default_rng(int.from_bytes(os.urandom(16), "big")),
+                think_s=self._think_s, n_cores=len(os.sched_getaffinity(0)),
             )  # fmt: skip
             next_look_s = 0.0
             phase = Phase.OPEN
@@ -211,7 +206,7 @@ class Season:
                         runner.publish(phase)
                 if phase is Phase.FINAL and not runner.n_under_way:
                     break
-                for outcome in runner.step(phase, may_choose=phase is not Phase.FINAL):
+                for outcome in runner.step(phase, may_choose=phase is not Phase.FINAL, is_busy=intake.is_checking):
                     self._count(outcome)
                     yield outcome
                 self._note(runner)
@@ -248,3 +243,12 @@ class Season:
     def _note(self, runner: SeasonRunner) -> None:
         self.state.n_matches, self.state.n_playing = runner.results.n_matches, runner.n_under_way
         self.state.n_waiting, self.state.looked_at_s = runner.n_waiting, time.monotonic()
+
+
+def _why_not_remote(league: League, venue: str) -> str:
+    """Return why no entry of a season can join by itself, or nothing."""
+    if venue != "network":
+        return "this season plays where nobody joins by itself; submit the bot without --remote"
+    if league.maps != "fresh":
+        return "this season plays each map twice, which who joins by itself may remember; submit the bot without --remote"
+    return ""
