@@ -89,6 +89,7 @@ class SeasonRunner:
         self._is_rated = False
         self.n_waiting = 0
         """Submissions that wait for their check, as the page shows it."""
+        self._invite()
         self._resume(stored)
 
     @property
@@ -172,7 +173,12 @@ class SeasonRunner:
             self._store.keep_rating(row, entry.entry, entry.number, found)
         if gone:
             self._venue.withdraw(gone, "another version plays")
+        self._invite()
         self.table, self._is_rated = self._rate(), False
+
+    def _invite(self) -> None:
+        """Let in those who join by themselves, before there is a match for them: whoever is not there gets none."""
+        self._venue.add({label: one for label, one in self.roster.fighters.items() if one.public_key is not None}, [])
 
     def _rate(self) -> Table:
         """Rate everybody anew; what takes long is done less often."""

@@ -19,6 +19,7 @@ from arena.network.address import Address
 from arena.network.session import open_router
 from arena.pit.register import Register, read_invites
 from arena.protocol.identity import Identity
+from tournaments.league.entries import REMOTE
 from tournaments.league.league import League, LeagueError
 from tournaments.league.secret import commit_to, find_secret
 from tournaments.outcome import Outcome
@@ -100,6 +101,8 @@ class Season:
         self._locks = ExitStack()
         self.state = SeasonState()
         self._phase: Phase | None = None
+        self._address: Address | None = None
+        """Of the pit that is open, for those who join by themselves."""
 
     def __enter__(self) -> Self:
         league, store = self._league, self._store
@@ -163,10 +166,16 @@ class Season:
         return Desk(session, self._league.name, identity, owners)
 
     def _describe_entry(self, entry: SeasonEntry) -> dict[str, Any]:
-        """Return what the owner of an entry is told beside its own versions: where it stands, and where its page is."""
+        """Return what the owner of an entry is told beside its own versions: where it stands, where its page is, and its pit."""
         table = self._store.standings(self.row)
         rows = [] if table is None else [row for row in table["rows"] if row["label"] == entry.label]
-        return {"standing": rows[0] if rows else None, "page": self._terms.page}
+        is_remote = any(one.label == entry.label and one.spec.startswith(REMOTE) for one in self._store.versions(self.row))
+        command = f"arena join '{self._address}' --name {entry.label} --key FILE --forever"
+        return {
+            "standing": rows[0] if rows else None,
+            "page": self._terms.page,
+            "join": command if is_remote and self._address is not None else "",
+        }
 
     def _play(self, venue: str, is_stopped: Callable[[], bool], desk: Desk, intake: Intake) -> Iterator[Outcome]:
         """Play the season itself, until its final is to begin and nothing is under way any more."""
@@ -177,6 +186,7 @@ class Season:
             listen=league.listen,
         )  # fmt: skip
         with open_venue(venue, setting) as pit:
+            self._address = pit.address if self._league.listen else None
             runner = SeasonRunner(
                 league, self._store, self.row, self._secret, pit, folder=self._folder, journals=setting.journals,
                 clock=self._clock, rng=np.random.default_rng(int.from_bytes(os.urandom(16), "big")),

@@ -155,6 +155,7 @@ def test_an_entry_that_joins_by_itself_is_chosen_while_it_is_there(season: Prete
     season.venue.elo["far"] = 0.0
     play(season, 50)
     assert season.runner.results.record("far").n_matches == 0
+    assert "far" in season.venue.known, "it cannot come"
 
     season.venue.present = frozenset({"far"})
     play(season, 50)
