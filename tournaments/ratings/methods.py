@@ -41,7 +41,7 @@ def find_method(name: str = DEFAULT) -> RatingMethod:
 
 
 def check_versions(method: RatingMethod, name: str) -> None:
-    """Check that a method can rate versions of an entry beside each other; `InputError` if it was written before there were any."""
+    """Check that a method can rate versions of an entry beside each other; `InputError` if it is of before there were any."""
     parameters = signature(method).parameters.values()
     if not any(one.name == "follows" or one.kind is Parameter.VAR_KEYWORD for one in parameters):
         raise InputError(f"the rating method {name} cannot rate versions: it takes no follows; leave out --all-versions, or it")
