@@ -22,6 +22,7 @@ NOT_RUN = {
     r"arena train (?!figures)": "takes minutes: the notebook trains in small, tests/policies/training/ in every way",
     r"arena train figures": "draws the runs of hours: tests/policies/training/test_figures.py draws small ones",
     r"arena check": "starts processes behind walls for half a minute: tests/tournaments/authoring/",
+    r"arena submit": "waits for the check of a season: tests/tournaments/season/test_submit.py",
     r"arena debug .*--tick": "waits for somebody at a debugger: tests/e2e/test_debugging_at_a_terminal.py",
     r"arena play .*--step": "waits for somebody at a terminal: tests/e2e/test_stepping_at_a_terminal.py",
     r"arena play .*--sandbox": "needs bubblewrap: tests/arena/sandbox/",

@@ -38,9 +38,12 @@ def open_season(
     The file is a league's with a table [season]. Authors submit with `arena submit BOT --to ADDRESS`, at the address that is
     printed first. With --json, each line on stderr is a JSON object: an "event" (open, phase, match, stopped) and its facts.
     """
+    import os
     import signal
     from contextlib import ExitStack
     from threading import Event
+
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy's threads would wait for cores that play; before it is imported
 
     from arena.compiling import compile_kernels, game_kernels
     from arena.folders import data_folder

@@ -5,6 +5,7 @@ the matches that were begun, reads the results that were not stored yet, and cou
 """
 
 import logging
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import chain
@@ -38,6 +39,8 @@ REST_ELO = 40.0
 MOST_VOID = 4
 """Void matches of a version without any that counts in between; it is played no more."""
 RATE_EVERY_S = 1.0
+"""At most; and rating takes no more than the next share of the time."""
+MOST_RATING = 0.1
 logger = logging.getLogger(__name__)
 
 
@@ -65,10 +68,10 @@ class SeasonRunner:
         self.row = row
         self.results = Results(store.count_results(row), stored := store.identities(row), store.count_forfeits(row))
         self.roster: Roster = read_roster(store, row, league, folder)
-        self.table: Table = self._rate()
+        self.table: Table = rate_season(self.results, self.roster.labels, self.roster.follows)
         self._plans: dict[str, MatchPlan] = {}
         self._n_void: Counter[str] = Counter()
-        self._rated_at_s = -RATE_EVERY_S
+        self._rated_at_s, self._rate_every_s = 0.0, RATE_EVERY_S
         self._is_rated = False
         self.n_waiting = 0
         """Submissions that wait for their check, as the page shows it."""
@@ -97,7 +100,7 @@ class SeasonRunner:
             self._choose()
         counted = [outcome for outcome in self._venue.receive() if self._count(outcome)]
         now_s = self._clock()
-        if not self._is_rated and (now_s - self._rated_at_s >= RATE_EVERY_S or not self._plans):
+        if not self._is_rated and (now_s - self._rated_at_s >= self._rate_every_s or not self._plans):
             self.table = self._rate()
             self.publish(phase)
             self._is_rated, self._rated_at_s = True, now_s
@@ -154,7 +157,11 @@ class SeasonRunner:
         self.table, self._is_rated = self._rate(), False
 
     def _rate(self) -> Table:
-        return rate_season(self.results, self.roster.labels, self.roster.follows)
+        """Rate everybody anew; what takes long is done less often."""
+        begun_s = time.perf_counter()
+        table = rate_season(self.results, self.roster.labels, self.roster.follows, self.table)
+        self._rate_every_s = max(RATE_EVERY_S, (time.perf_counter() - begun_s) / MOST_RATING)
+        return table
 
     def _count(self, outcome: Outcome) -> bool:
         """Store a match that ended; False if it was void, or stored before."""

@@ -152,6 +152,7 @@ def test_what_is_checked_by_a_process_that_is_killed_still_waits(season: Season)
             time.sleep(0.05)
         process.send_signal(signal.SIGKILL)
     assert len(season.kept()) == 2
+    (season.folder / "submissions" / digest_of(packed)).mkdir()  # as if it had died between two steps
 
     intake = season.intake(patience_s=1.0)
 

@@ -41,6 +41,7 @@ def test_an_author_submits_follows_and_takes_back(open_season: OpenSeason, here:
     told = json.loads(second.stdout)
     assert (second.returncode, told["ok"], told["number"], told["entry"]) == (1, False, None, "mine")
     assert "no plan" in told["says"]
+    assert told["says"].isprintable()
     assert told["report"]["findings"][0]["sentence"] == told["says"]
     assert "\x1b" not in second.stdout + second.stderr
 
