@@ -36,6 +36,8 @@ START = ".start.sh"
 MOST_FILES = 200
 MOST_DEPTH = 8
 """Folders within each other, and the file in them."""
+PIECE_BYTES = 48_000
+"""Of a submission that is uploaded, in one message."""
 _MOST_PATH_LETTERS, _MOST_COMMAND_LETTERS = 200, 1_000
 _MAGIC = b"arena submission 1\n"
 _ANY_FORMAT = b"arena submission "

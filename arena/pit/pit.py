@@ -113,7 +113,7 @@ class Pit:
                 on_end=lambda ended: self._report(ended, on_end),
             )
             self._referee = referee
-            on_open(len(referee.resume(lambda _: True)))
+            on_open(len(referee.resume()))
             try:
                 referee.run(lambda: self._is_over(referee))
                 return referee.n_running

@@ -85,6 +85,13 @@ def as_season_table(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return table
 
 
+def as_text_table(rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[str | int]]]:
+    """Return the heads and the rows, as `arena.console.print_table` takes them."""
+    standings = [_standing(row) for row in rows]
+    shown = [*_COLUMNS, *failure_columns(standings)[0]]
+    return [column.name for column in shown], [[column.text(row) for column in shown] for row in standings]
+
+
 def _standing(row: Mapping[str, Any]) -> Standing:
     return Standing(
         name=row["label"],

@@ -47,6 +47,11 @@ class StoredLeague:
     """None until the league is closed for good: who knows it knows the maps of matches that could still be added."""
 
     @property
+    def is_season(self) -> bool:
+        """Whether its entries are submitted, and its pairs chosen as it goes on."""
+        return "season" in self.definition
+
+    @property
     def labels(self) -> dict[str, str]:
         """What the current version of each entry plays under, by entry."""
         return {entry_of(label): label for label in self.definition["entries"]}
@@ -80,7 +85,7 @@ class Store(Database):
             the edit. Or it is closed, and was given more to play.
         """
         before = self.find(name)
-        if before is not None and "season" not in before.definition and self.count(before) == 0:
+        if before is not None and not before.is_season and self.count(before) == 0:
             before = None  # nothing was played: it may still become another league
         known = [] if before is None else self.versions(before)
         versions = match_versions(definition["entries"], known)
