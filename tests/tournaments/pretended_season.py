@@ -42,6 +42,8 @@ class PretendedVenue:
         self.named_gone: set[str] = set()
         self.withdrawn: set[str] = set()
         self.broken: set[str] = set()
+        self.waits_for: set[str] = set()
+        """Whose matches do not begin unless they are withdrawn."""
         self.present: frozenset[str] = frozenset()
         self.known: set[str] = set()
 
@@ -58,8 +60,10 @@ class PretendedVenue:
 
     def receive(self) -> list[Outcome]:
         self.rng.shuffle(self.plans)  # type: ignore[arg-type]  # NumPy shuffles lists in place
-        now, self.plans = self.plans[: self.most], self.plans[self.most :]
-        return [self._end(plan) for plan in now]
+        waits = self.waits_for - self.withdrawn
+        free = [plan for plan in self.plans if not waits & {plan.blue, plan.red}][: self.most]
+        self.plans = [plan for plan in self.plans if plan not in free]
+        return [self._end(plan) for plan in free]
 
     def _end(self, plan: MatchPlan) -> Outcome:
         if self.broken & {plan.blue, plan.red} or plan.identity in self.withdrawn:

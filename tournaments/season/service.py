@@ -50,6 +50,8 @@ class SeasonEvents:
     on_open: Callable[[Address], None] = lambda _: None
     """Told where authors submit."""
     on_phase: Callable[[Phase], None] = lambda _: None
+    on_versions: Callable[[list[str], list[str]], None] = lambda *_: None
+    """Told of the labels that play from now on, and of those that do no more."""
     on_invitation: Callable[[Mapping[str, str]], None] = lambda _: None
     """Told with which command each entry joins that comes by itself, where that is known."""
 
@@ -206,10 +208,14 @@ class Season:
                         runner.publish(phase)
                 if phase is Phase.FINAL and not runner.n_under_way:
                     break
+                before = runner.roster.entries.keys()
                 for outcome in runner.step(phase, may_choose=phase is not Phase.FINAL, is_busy=intake.is_checking):
                     self._count(outcome)
                     yield outcome
                 self._note(runner)
+                now = runner.roster.entries.keys()
+                if now != before:
+                    self._events.on_versions(sorted(now - before), sorted(before - now))
             self.row, self._roster = runner.row, runner.roster
             self._publish = runner.publish
 

@@ -208,6 +208,26 @@ def test_while_submissions_are_checked_little_is_played_beside(season: Pretended
     assert season.runner.n_under_way == MOST_WHEN_BUSY
 
 
+def test_whoever_joins_by_itself_and_leaves_keeps_nobody_waiting(season: PretendedSeason) -> None:
+    given = season.store.submit(season.row, entry="far", owner="k", digest="d", n_bytes=0, now_s=1.0)
+    season.store.accept(season.row, given, spec=f"key:{'A' * 42}E", says="", report=None, now_s=1.0)
+    season.venue.elo["far"] = 0.0
+    season.venue.present = frozenset({"far"})
+    season.venue.most = 0
+    season.runner.step(Phase.OPEN)
+    assert any("/far/" in identity for identity in season.venue.given)
+
+    season.venue.present = frozenset()
+    season.venue.waits_for = {"far"}
+    season.venue.most = 8
+    play(season, 300)
+
+    assert season.venue.withdrawn == {"far"}
+    assert season.runner.results.n_matches >= 300
+    assert "far" not in season.runner.suspended
+    check_books(season)
+
+
 def test_the_public_table_stands_still_while_the_season_is_frozen(season: PretendedSeason) -> None:
     play(season, 40)
     before = season.store.standings(season.row)
