@@ -13,6 +13,7 @@ from clients.commands.join import join
 from clients.commands.watch import watch
 from policies.cli import policies
 from policies.training.cli import train
+from tournaments.commands.backup import backup, restore
 from tournaments.commands.bench import bench
 from tournaments.commands.check import check
 from tournaments.commands.debug import debug
@@ -28,6 +29,7 @@ replay.command("export")(export_match)  # it draws with the web page's scripts, 
 
 COMMANDS: dict[str, Command] = {
     "admin": admin,
+    "backup": backup,
     "bench": bench,
     "check": check,
     "debug": debug,
@@ -41,6 +43,7 @@ COMMANDS: dict[str, Command] = {
     "play": play,
     "policies": policies,
     "replay": replay,
+    "restore": restore,
     "rules": rules,
     "serve": serve,
     "tournament": tournament,

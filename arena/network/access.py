@@ -67,7 +67,7 @@ def access_rules(pit: str) -> dict[str, Any]:
     A key expression is allowed where a rule's includes all of it, so `**` is refused as a whole. What leaves the router must be
     allowed too: a client sends nothing until it knows that somebody subscribes to its publisher's key.
     """
-    queried = [topics.join(pit), topics.lobby(pit), topics.all_journals(pit)]
+    queried = [topics.join(pit), topics.lobby(pit), topics.submissions(pit), topics.all_journals(pit)]
     published = [topics.all_observations(pit), topics.all_public(pit), topics.all_truths(pit), topics.all_delayed(pit)]
     allowed = {
         "query": ("ingress", ["query"], queried),

@@ -13,7 +13,7 @@ from arena.pit.register import Register
 from arena.pit.seating import Pairing, Seating, object_to
 from arena.pit.seats import Client, Seat, SlotId
 from arena.protocol.handshake import Caller
-from arena.protocol.messages import Closed, JoinRequest, Message, Refusal, Wait
+from arena.protocol.messages import JoinRequest, Message, Refusal, Wait
 
 HOLD_QUESTION_S = 4.0
 """How long a client that waits for a seat is kept without an answer."""
@@ -69,6 +69,11 @@ class Admission:
         return len(self._matches.running) < MOST_RUNNING and self.n_journals > 0
 
     @property
+    def n_waiting(self) -> int:
+        """Clients that wait for a seat."""
+        return len(self._queue)
+
+    @property
     def names(self) -> list[str]:
         """Names of those who wait, the one that has waited longest first."""
         return [client.name for client in self._queue.values()]
@@ -121,14 +126,13 @@ class Admission:
         effects: list[Effect] = []
         while self._has_room and (pairing := self._seating.pair_up(now_s)) is not None:
             effects += self._begin(pairing, now_s)
-        is_done = self._seating.is_done
         for slot, client in list(self._queue.items()):
             waited_s = now_s - client.asked_at_s
-            if client.pending is not None and (is_done or waited_s >= HOLD_QUESTION_S):
-                answer = Closed(reason="the pit begins no more matches") if is_done else Wait(reason="for an opponent")
-                effects.append(client.pending.reply(answer))
+            dismissal = self._seating.dismissal(client.name)
+            if client.pending is not None and (dismissal is not None or waited_s >= HOLD_QUESTION_S):
+                effects.append(client.pending.reply(dismissal or Wait(reason="for an opponent")))
                 client.pending = None
-                if is_done:
+                if dismissal is not None:
                     self._forget(slot)
             elif waited_s >= FORGET_WAITING_S:
                 self._forget(slot)

@@ -42,7 +42,7 @@ from arena.pit.rationed_queue import RationedQueue
 from arena.pit.register import Register
 from arena.pit.seating import Seating
 from arena.protocol.codec import decode, encode
-from arena.protocol.messages import AdminRequest, ChallengeRequest, Lobby, Refusal, SealedRequest
+from arena.protocol.messages import AdminRequest, ChallengeRequest, JoinRequest, Lobby, Refusal, SealedRequest
 
 _SHARE = 0.3
 """Of the time that goes to requests for seats, while matches run."""
@@ -122,6 +122,15 @@ class PitCore:
         return [session.match for session in self._matches.running]
 
     @property
+    def queues(self) -> dict[str, int]:
+        """How many wait: requests to be opened, pieces of journals to be sent, and clients for a seat."""
+        return {
+            "requests": len(self._requests),
+            "journals": len(self._matches.journal_replies),
+            "clients": self._admission.n_waiting,
+        }
+
+    @property
     def n_running(self) -> int:
         """Matches that are not over."""
         return len(self._matches.running)
@@ -160,6 +169,8 @@ class PitCore:
         if isinstance(caller.request, AdminRequest):
             answer, effects = self._operator.obey(caller.request, now_s)
             return [*effects, pending.reply(answer)]
+        if not isinstance(caller.request, JoinRequest):
+            return [pending.reply(Refusal(reason="this is no request for a seat"))]
         return self._admission.receive(pending, caller.request, now_s)
 
     def _on_request_opened(self, event: RequestOpened, now_s: float) -> list[Effect]:

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import count
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from arena.files import keep_former, read_file
 from arena.pit.events import UnfinishedFound
 from arena.protocol.codec import encode
 from arena.protocol.messages import JournalPiece, Refusal
-from arena.records.journal import read_journal, whole_part
+from arena.records.journal import journal_name, read_journal, whole_part
 
 logger = logging.getLogger(__name__)
 
@@ -113,9 +113,13 @@ def read_piece(path: Path, offset: int) -> bytes:
     return encode(JournalPiece(n_bytes=n_bytes, offset=offset, data=data))
 
 
-def find_unfinished(folder: Path) -> Iterator[UnfinishedFound]:
-    """Yield the matches that a pit left unfinished."""
-    for path in sorted(folder.glob("*.journal")):
+def find_unfinished(folder: Path, identities: Iterable[str] | None = None) -> Iterator[UnfinishedFound]:
+    """Yield the matches that a pit left unfinished: all, or those of some identities."""
+    if identities is None:
+        paths = sorted(folder.glob("*.journal"))
+    else:
+        paths = [path for identity in identities if (path := folder / journal_name(identity)).exists()]
+    for path in paths:
         try:
             whole = whole_part(read_file(path))
             journal = read_journal(whole)

@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from arena.errors import InputError
 from arena.game.types import Team
@@ -72,6 +72,22 @@ class Ladder(Protocol):
 
     def standings(self) -> list[dict[str, Any]]:
         """Return who leads, as `arena.protocol.messages.Lobby` has it."""
+
+
+class Backlog(NamedTuple):
+    """What a ladder has counted and not yet stored."""
+
+    n_rows: int
+    lag_s: float
+    """How long the oldest of them has waited."""
+
+
+@runtime_checkable
+class LaggingLadder(Ladder, Protocol):
+    """A ladder that stores its results behind the pit's back, and tells a monitor how far behind it is. None has to be one."""
+
+    def backlog(self) -> Backlog:
+        """Return what is not stored yet."""
 
 
 OpenLadder = Callable[[str, str, str], AbstractContextManager[Ladder]]

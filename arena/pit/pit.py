@@ -22,6 +22,7 @@ from arena.network.session import open_router
 from arena.pit.effects import MatchEnded
 from arena.pit.ladder import Ladder, LadderMatch, LadderSeating, find_uncounted, is_of_ladder
 from arena.pit.match_session import PitContext
+from arena.pit.monitor import PitMonitor
 from arena.pit.referee import Referee
 from arena.pit.register import Register
 from arena.pit.seating import OpenSeating, Seating
@@ -56,6 +57,8 @@ class PitSettings:
     certificate: Certificate | None = None
     ladder: Ladder | None = None
     """None seats whoever comes, and rates nobody."""
+    monitor: PitMonitor | None = None
+    """What is told to whoever watches over the pit."""
 
 
 class Pit:
@@ -110,7 +113,7 @@ class Pit:
                 on_end=lambda ended: self._report(ended, on_end),
             )
             self._referee = referee
-            on_open(len(referee.resume(lambda _: True)))
+            on_open(len(referee.resume()))
             try:
                 referee.run(lambda: self._is_over(referee))
                 return referee.n_running
@@ -118,6 +121,8 @@ class Pit:
                 referee.close()
 
     def _is_over(self, referee: Referee) -> bool:
+        if self._settings.monitor is not None:
+            self._settings.monitor.answer(referee, self._settings.ladder)
         now_s = time.monotonic()
         if self._stopped_at_s is not None and now_s - self._stopped_at_s > _DRAIN_S:
             return True
@@ -149,6 +154,8 @@ class Pit:
                 result=ended.result,
             )
             self._settings.ladder.count(match)
+        if self._settings.monitor is not None:
+            self._settings.monitor.count(ended)
         on_end(ended)
 
     def _make_plan(self, blue: str, red: str) -> MatchPlan:

@@ -32,6 +32,10 @@ class RationedQueue(Generic[T]):
         self._share, self._most_debt_s = share, most_debt_s
         self._saved_s, self._saved_at_s = _MOST_SAVED_S, math.inf
 
+    def __len__(self) -> int:
+        """Return how many wait."""
+        return len(self._requests)
+
     def put(self, request: T) -> bool:
         """Let a request wait; False if too many do."""
         if len(self._requests) >= MOST_REQUESTS:

@@ -4,7 +4,7 @@ Zenoh's callbacks put into bounded queues and do nothing else.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from itertools import count
 from pathlib import Path
 from queue import SimpleQueue
@@ -128,6 +128,16 @@ class Referee:
         return self._core.n_running
 
     @property
+    def queues(self) -> dict[str, int]:
+        """How many wait: what came over the network and was not taken up yet, and those of the core."""
+        return {"inbox": self._inbox.qsize(), **self._core.queues}
+
+    @property
+    def n_refused(self) -> int:
+        """Requests that did not open, or were not signed by whom they name."""
+        return self._core.n_refused
+
+    @property
     def is_deserted(self) -> bool:
         """Whether no client is present, as far as they declare it, and no match waits for its receipts."""
         return self._core.is_deserted
@@ -170,12 +180,12 @@ class Referee:
         if not self._has_failed:  # else the core takes for done what was not
             self._hand_in(Stopped())
 
-    def resume(self, is_wanted: Callable[[str], bool]) -> list[str]:
-        """Take up the unfinished matches whose identity is wanted; return their identities."""
+    def resume(self, identities: Collection[str] | None = None) -> list[str]:
+        """Take up the unfinished matches that an earlier referee left, or those of them with an identity; return whose were."""
         resumed = []
-        for found in find_unfinished(self._journals):
+        for found in find_unfinished(self._journals, identities):
             identity = found.journal.header.identity
-            if is_wanted(identity) and self._hand_in(found):
+            if (identities is None or identity in identities) and self._hand_in(found):
                 resumed.append(identity)
         return resumed
 

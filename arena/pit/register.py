@@ -12,7 +12,7 @@ from pathlib import Path
 
 from arena.errors import ArenaError, InputError
 from arena.protocol.identity import from_text, to_text
-from arena.protocol.messages import JoinRequest
+from arena.protocol.messages import JoinRequest, SeasonRequest
 
 _PARTS = ("names", "invites", "banned")
 _Parts = tuple[dict[str, str], dict[str, str], dict[str, str]]
@@ -46,7 +46,11 @@ class Register:
         """Whether only those with a code may play."""
         return self._codes is not None
 
-    def object_to(self, request: JoinRequest) -> str:
+    def has_invited(self, entry: bytes) -> bool:
+        """Whether a key has used an invite code."""
+        return to_text(entry) in self._invites.values()
+
+    def object_to(self, request: JoinRequest | SeasonRequest) -> str:
         """Return why an entry may not play, or nothing."""
         entry = to_text(request.entry)
         if entry in self._banned:
@@ -68,7 +72,7 @@ class Register:
                 return "the invite code was used by another key"
         return ""
 
-    def admit(self, request: JoinRequest) -> None:
+    def admit(self, request: JoinRequest | SeasonRequest) -> None:
         """Tie the invite code to the entry that came with it."""
         if self._codes is not None and request.invite not in self._invites:
             self._invites[request.invite] = to_text(request.entry)

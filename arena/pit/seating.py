@@ -1,6 +1,6 @@
 """Who plays whom: from slots that wait for a seat to matches of two. Without I/O."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -35,6 +35,10 @@ class Seating(Protocol):
     def pair_up(self, now_s: float) -> Pairing | None:
         """Return a match that can begin though nobody new came, of slots that were placed; asked again and again."""
         return None
+
+    def dismissal(self, name: str) -> Closed | None:
+        """Return what those are told who wait under a name and are to wait no longer; None while they may."""
+        return Closed(reason="the pit begins no more matches") if self.is_done else None
 
     def forget(self, slot: SlotId) -> None:
         """A slot that waited is gone."""
@@ -140,48 +144,123 @@ class OpenSeating(Seating):
 
 
 class PlannedSeating(Seating):
-    """The matches of a league, in its order as far as those who play them are present."""
+    """The matches of a league, in its order as far as those who play them are present.
 
-    def __init__(self, plans: Iterable[MatchPlan]) -> None:
-        self._plans = list(plans)
-        self._entries = {name for plan in self._plans for name in (plan.blue, plan.red)}
+    Parameters
+    ----------
+    is_open
+        Whether matches and entries may yet be added. An entry whose matches have all begun waits then for more, until `finish`.
+    """
+
+    def __init__(self, plans: Iterable[MatchPlan] = (), *, is_open: bool = False) -> None:
+        self._plans: list[MatchPlan] = []
+        self._entries: set[str] = set()
+        self._dismissed: set[str] = set()
         self._waiting: dict[SlotId, str] = {}
+        self._begun: list[str] = []
+        self._is_open = is_open
+        self._has_news = False
+        """Whether matches were added that slots may wait for."""
+        self.add(plans)
 
     @property
     def is_done(self) -> bool:
-        """Whether every match has begun."""
-        return not self._plans
+        """Whether every match has begun, and none can be added."""
+        return not self._plans and not self._is_open
+
+    @property
+    def waiting(self) -> set[str]:
+        """The entries that wait for a match."""
+        return set(self._waiting.values())
+
+    def add(self, plans: Iterable[MatchPlan], entries: Iterable[str] = ()) -> None:
+        """Put matches at the end of the plan, and let entries in that may have none yet."""
+        added = list(plans)
+        self._plans += added
+        self._entries.update(entries, (name for plan in added for name in (plan.blue, plan.red)))
+        self._has_news = self._has_news or bool(added)
+
+    def finish(self) -> None:
+        """Add nothing more: an entry whose matches have all begun is sent home."""
+        self._is_open = False
+
+    def dismiss(self, name: str) -> None:
+        """Send an entry home; its matches wait for it until it is called."""
+        self._dismissed.add(name)
+        self._waiting = {slot: other for slot, other in self._waiting.items() if other != name}
+
+    def call(self, name: str) -> None:
+        """Seat an entry again that was dismissed."""
+        self._dismissed.discard(name)
+
+    def drop(self, names: Collection[str]) -> list[str]:
+        """Take off the plan what entries have not begun to play; return the identities."""
+        dropped = [plan.identity for plan in self._plans if plan.blue in names or plan.red in names]
+        self.withdraw(dropped)
+        return dropped
+
+    def dismissal(self, name: str) -> Closed | None:
+        """Return what those are told who wait under a name and are to wait no longer; None while they may."""
+        if name in self._dismissed:
+            return Closed(reason=f"{name} is not needed for now")
+        return Closed(reason=f"all matches of {name} have begun") if self.is_done else None
+
+    def take_begun(self) -> list[str]:
+        """Return the identities of the matches that have begun since the last call."""
+        begun, self._begun = self._begun, []
+        return begun
 
     def close(self) -> None:
         """Begin no more matches."""
         self._plans.clear()
+        self._is_open = False
 
     def is_planned(self, names: set[str]) -> bool:
         """Whether the fixture of two entries has matches that are still to begin."""
         return any({plan.blue, plan.red} == names for plan in self._plans)
 
     def withdraw(self, identities: Iterable[str]) -> None:
-        """Take off the plan the matches that run already."""
-        running = set(identities)
-        self._plans = [plan for plan in self._plans if plan.identity not in running]
+        """Take matches off the plan, as those that run already."""
+        gone = set(identities)
+        self._plans = [plan for plan in self._plans if plan.identity not in gone]
 
     def place(self, slot: SlotId, request: JoinRequest, now_s: float) -> Pairing | Wait | Refusal | Closed:
         """Begin the first match for whose entries slots are waiting."""
-        if request.name not in self._entries:
-            return Refusal(reason=f"{request.name} is no entry of this league")
-        self._waiting[slot] = request.name
+        name = request.name
+        if name not in self._entries:
+            return Refusal(reason=f"{name} is no entry of this league")
+        if (dismissal := self.dismissal(name)) is not None:
+            return dismissal
+        self._waiting[slot] = name
+        pairing = self._pair(name)
+        if pairing is not None:
+            return pairing
+        if not self._is_open and not any(name in (plan.blue, plan.red) for plan in self._plans):
+            self._waiting.pop(slot)
+            return Closed(reason=f"all matches of {name} have begun")
+        return Wait(reason="for an opponent")
+
+    def pair_up(self, now_s: float) -> Pairing | None:
+        """Return a match that was added while slots of both its entries waited."""
+        if not self._has_news:
+            return None
+        pairing = self._pair()
+        self._has_news = pairing is not None
+        return pairing
+
+    def _pair(self, name: str = "") -> Pairing | None:
+        """Take the first match off the plan, of an entry if one is named, for whose entries slots are waiting."""
+        waiting = self.waiting
         for index, plan in enumerate(self._plans):
-            if request.name in (plan.blue, plan.red):
+            if (not name or name in (plan.blue, plan.red)) and waiting.issuperset((plan.blue, plan.red)):
                 slots = self._find(plan)
                 if slots:
                     del self._plans[index]
                     for taken in slots.values():
                         del self._waiting[taken]
+                    self._begun.append(plan.identity)
                     return Pairing(plan, slots)
-        if not any(request.name in (plan.blue, plan.red) for plan in self._plans):
-            self._waiting.pop(slot)
-            return Closed(reason=f"all matches of {request.name} have begun")
-        return Wait(reason="for an opponent")
+        return None
 
     def _find(self, plan: MatchPlan) -> dict[Team, SlotId] | None:
         """Return slots of both entries of a plan, if they are waiting."""

@@ -22,13 +22,21 @@ from arena.errors import ForgedError, UnreadableError
 from arena.game.types import Team
 from arena.protocol.codec import decode, encode
 from arena.protocol.identity import SIGNATURE_BYTES, Identity, verify
-from arena.protocol.messages import AdminRequest, Challenge, JoinRequest, Message, SealedAnswer, SealedRequest
+from arena.protocol.messages import (
+    AdminRequest,
+    Challenge,
+    JoinRequest,
+    Message,
+    SealedAnswer,
+    SealedRequest,
+    SeasonRequest,
+)
 from arena.protocol.sealing import Direction, Opener, Sealer, derive_key, seat_context
 
 SECRET_BYTES = 32
 _SUITE = Suite(KEM.X25519, KDF.HKDF_SHA256, AEAD.CHACHA20_POLY1305)
 _CHALLENGE, _REQUEST = "challenge", "request"
-Request = JoinRequest | AdminRequest
+Request = JoinRequest | AdminRequest | SeasonRequest
 
 
 def new_secret() -> bytes:
@@ -141,7 +149,7 @@ def open_request(data: bytes, pit: str, pit_key: bytes, sealing_key: X25519Priva
         raise ForgedError("a request does not open: it was sealed to another pit, or to this one before it started") from error
     signed, signature = opened[:-SIGNATURE_BYTES], opened[-SIGNATURE_BYTES:]
     request = decode(signed)
-    if not isinstance(request, JoinRequest | AdminRequest) or request.pit_key != pit_key:
+    if not isinstance(request, Request) or request.pit_key != pit_key:
         raise ForgedError("what was sealed is no request to this pit")
     verify(request.entry, _REQUEST, signed, signature)
     _public(request.ephemeral)

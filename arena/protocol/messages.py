@@ -22,6 +22,11 @@ A match, message by message; `handshake` says how the first four are sealed, `se
 from dataclasses import dataclass, field
 from typing import Any
 
+from arena.protocol.requests import AdminRequest as AdminRequest
+from arena.protocol.requests import Done as Done
+from arena.protocol.requests import SeasonAnswer as SeasonAnswer
+from arena.protocol.requests import SeasonRequest as SeasonRequest
+
 PROTOCOL_VERSION = 4
 """Rises with every change of a message, except of one as `LATER` makes it."""
 LATER = {"is_left_out_at_default": True}
@@ -91,29 +96,6 @@ class JoinRequest:
     pit_key: bytes = b""
     version: str = field(default="", metadata=LATER)
     """Tells the entry's code from that of its other versions, as a chunk; empty if the client does not say."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AdminRequest:
-    """The operator asks, who holds the pit's own key and signs with it."""
-
-    command: str
-    """kick, ban, close, abort or release-name."""
-    target: str
-    """A name, a public key or a match."""
-    entry: bytes = b""
-    """The pit's key; this and what follows as in `JoinRequest`."""
-    ephemeral: bytes = b""
-    reply_secret: bytes = b""
-    challenge: bytes = b""
-    pit_key: bytes = b""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Done:
-    """What was asked for is done."""
-
-    text: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -349,4 +331,6 @@ Message = (
     | JournalPiece
     | Lobby
     | PastTruth
+    | SeasonRequest
+    | SeasonAnswer
 )

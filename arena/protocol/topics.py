@@ -47,6 +47,11 @@ def lobby(pit: str) -> str:
     return f"arena/{pit}/lobby"
 
 
+def submissions(pit: str) -> str:
+    """Return the key of the queryable that takes submissions to a season, and tells their owners how they stand."""
+    return f"arena/{pit}/submissions"
+
+
 def observation(pit: str, lane: int, team: Team) -> str:
     """Return the key on which a seat hears the referee. It is its lane's, since Zenoh keeps each key that it was ever told."""
     return f"arena/{pit}/lane/{lane}/{team.name.lower()}/observation"

@@ -5,9 +5,11 @@ stranger's name that was made to point here does not), only a page of this serve
 load parts, and a browser is told to load nothing from anywhere else.
 """
 
-from collections.abc import Awaitable, Callable, Iterable, Mapping, MutableMapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping, MutableMapping, Sequence
 from typing import Any
 from urllib.parse import urlsplit
+
+from arena.errors import InputError
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -15,6 +17,7 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+EVERYWHERE = ("0.0.0.0", "::")
 _POLICY = "; ".join(
     (
         "default-src 'none'",
@@ -43,6 +46,27 @@ _RAW_EMBEDDED_HEADERS = [(name.encode(), value.encode()) for name, value in _EMB
 _READING = ("GET", "HEAD")
 _NOT_OURS = b"only pages of this server may load its parts, or send it something\n"
 _REFUSED = b"this server is called otherwise; arena web --name says by which names it may be called\n"
+
+
+def list_names(host: str, names: Sequence[str], prefix: str = "--") -> tuple[str, ...]:
+    """Return by which names a server may be called that listens at a host; `InputError` if nobody says, and nothing tells.
+
+    Parameters
+    ----------
+    host
+        Where it listens.
+    names
+        Further names, the one to be shown first.
+    prefix
+        Of the options `host` and `name`, for the sentence.
+    """
+    if host in EVERYWHERE:
+        if not names:
+            raise InputError(
+                f"{prefix}host {host} listens everywhere; say with {prefix}name by which name or number browsers reach it"
+            )
+        return (*LOOPBACK, *names)
+    return (*LOOPBACK, *names, host)
 
 
 class Guard:

@@ -53,6 +53,8 @@ QUESTIONS = {
 """What a page may ask for as JSON, by the name of the handler."""
 RECORDINGS = {"download": "/api/download/{form}/{match}", "open": "/api/open/{form}"}
 """What `clients.web.recordings` answers by the names of its handlers; a page sends a file along to the second."""
+MONITORING = {"healthz": "/healthz", "metrics": "/metrics"}
+"""What `clients.web.monitoring` answers by the names of its handlers."""
 SOCKETS = {"watch_match": "/ws/match/{match}", "play_match": "/ws/play"}
 """Where a page may stay connected, likewise."""
 IMPORT = re.compile(r'^import \{[^}]*\} from "\./([\w.]+)";\n', re.MULTILINE)

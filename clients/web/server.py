@@ -29,11 +29,12 @@ from arena.errors import ArenaError, InputError, LostPitError
 from arena.protocol.identity import from_text
 from arena.protocol.topics import is_chunk
 from clients.web.guard import LOOPBACK, Guard
+from clients.web.monitoring import Counted, WebMonitor
 from clients.web.pit import PitClient
 from clients.web.play import BrowserSeat, BrowserSeats, check_fighter, read_wish
 from clients.web.providers import Leagues
 from clients.web.recordings import Recordings
-from clients.web.routes import ABSENT, ASSETS, PAGES, QUESTIONS, RECORDINGS, SOCKETS, Page, render
+from clients.web.routes import ABSENT, ASSETS, MONITORING, PAGES, QUESTIONS, RECORDINGS, SOCKETS, Page, render
 from policies import registry
 
 logger = logging.getLogger(__name__)
@@ -60,6 +61,7 @@ def make_app(settings: WebSettings) -> Starlette:
     """Return the whole server as an application; its pit is looked for as long as it runs."""
     handlers = Handlers(settings)
     recordings = Recordings(settings.pit, settings.leagues)
+    monitor = WebMonitor(settings.pit)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -75,12 +77,17 @@ def make_app(settings: WebSettings) -> Starlette:
         routes=[
             *(Route(page.path, partial(show, page)) for page in PAGES),
             *(Route(path, getattr(handlers, name)) for name, path in QUESTIONS.items()),
+            *(Route(path, getattr(monitor, name)) for name, path in MONITORING.items()),
             Route(RECORDINGS["download"], recordings.download),
             Route(RECORDINGS["open"], recordings.open, methods=["POST"]),
             *(WebSocketRoute(path, getattr(handlers, name)) for name, path in SOCKETS.items()),
             Mount("/assets", StaticFiles(directory=ASSETS)),
         ],
-        middleware=[Middleware(Guard, names=settings.names), Middleware(GZipMiddleware, minimum_size=1_000, compresslevel=6)],
+        middleware=[
+            Middleware(Guard, names=settings.names),
+            Middleware(Counted, monitor=monitor),
+            Middleware(GZipMiddleware, minimum_size=1_000, compresslevel=6),
+        ],
         exception_handlers={HTTPStatus.NOT_FOUND: show_absent},
         lifespan=lifespan,
     )

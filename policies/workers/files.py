@@ -1,4 +1,7 @@
-"""The files that a fighter's name names: found from any folder, and shown to it behind its wall."""
+"""The files that a fighter's name names: found from any folder, and shown to it behind its wall.
+
+Of a submission, which its owner chose as a whole, that is its folder.
+"""
 
 import shlex
 from collections.abc import Iterable
@@ -8,6 +11,8 @@ from platformdirs import user_data_path
 
 from arena.errors import InputError
 from arena.keyring.ring import config_folder
+from arena.submission import MARK, START
+from arena.submission import PROGRAM as SUBMITTED_PROGRAM
 from policies.program import PREFIX as PROGRAM
 from policies.registry import is_file_or_program
 
@@ -16,7 +21,9 @@ def resolve(spec: str) -> tuple[str, list[Path]]:
     """Return a fighter such that it is found from any folder, and the files that it names."""
     if not spec.startswith(PROGRAM):
         path = Path(spec).absolute()
-        return (str(path), [path]) if is_file_or_program(spec) and path.exists() else (spec, [])
+        if not (is_file_or_program(spec) and path.exists()):
+            return spec, []
+        return str(path), [path, path.parent] if (path.parent / MARK).is_file() else [path]
     try:
         words = shlex.split(spec.removeprefix(PROGRAM))
     except ValueError:
@@ -28,6 +35,17 @@ def resolve(spec: str) -> tuple[str, list[Path]]:
             words[number] = str(path)
             files.append(path)
     return PROGRAM + shlex.join(words), files
+
+
+def fighter_in(folder: Path) -> str:
+    """Return the fighter in a folder that a submission was written to, as `policies.registry.load` takes it.
+
+    A program is started by a script, since whatever its own command line named would be shown to it, wherever on this machine.
+    """
+    kind, main = (folder / MARK).read_text().splitlines()
+    if kind != SUBMITTED_PROGRAM:
+        return str(folder.absolute() / main)
+    return PROGRAM + shlex.join(["sh", str(folder.absolute() / START), str(folder.absolute())])
 
 
 def check_readable(spec: str, files: Iterable[Path]) -> None:

@@ -27,6 +27,8 @@ from arena.protocol.messages import (
     Refusal,
     SealedAnswer,
     SealedRequest,
+    SeasonAnswer,
+    SeasonRequest,
     Signed,
     Ticket,
     Truth,
@@ -99,6 +101,17 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
     "the truth of a while ago": (PastTruth(match=MATCH, tick=5, board=bytes(range(9)), seen=[b"blue", b"red"]),),
     "a request for a journal": (JournalRequest(offset=0), JournalRequest(offset=1 << 20)),
     "a piece of a journal": (JournalPiece(n_bytes=5_000_000_000, offset=7, data=b"piece"),),
+    "a request to a season": (
+        SeasonRequest(command="status", name="ann"),
+        SeasonRequest(
+            command="upload", name="ann", invite="code", digest=A, n_bytes=70_000, offset=48_000, piece=b"piece", number=2,
+            entry=A, ephemeral=B, reply_secret=C, challenge=A, pit_key=B,
+        ),
+    ),
+    "a season's answer": (
+        SeasonAnswer(text="it waits for its check"),
+        SeasonAnswer(text="version 2 plays", offset=5, data=b"a line", facts={"versions": [{"number": 2, "rating": 31.5}]}),
+    ),
     "the lobby": (
         Lobby(
             pit="pit", rules="paper", rules_hash="5" * 64, ruleset=PAPER, needs_invite=False, n_begun=0, running=[], waiting=[]

@@ -178,6 +178,9 @@ serve --rules papr --data data
 serve --pit a/b --data data
 serve --db other.db --data data
 serve --web 8000 --no-web --data data
+serve --web-host 0.0.0.0 --data data
+serve --web 8000 --web-host 0.0.0.0 --data data
+serve --metrics 9100 --data data
 serve --invite absent --data data
 serve --matches 0 --data data
 web --host 0.0.0.0 --data data

@@ -68,6 +68,7 @@ from arena.protocol.topics import (
     read_journal,
     read_match,
     read_presence,
+    submissions,
     truth,
 )
 from arena.records.journal import (
@@ -148,6 +149,7 @@ def test_the_keys_of_the_network_are_those_of_before(same: Same) -> None:
     pit_topics = (
         join,
         lobby,
+        submissions,
         beat,
         all_observations,
         all_actions,

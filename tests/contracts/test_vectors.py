@@ -71,7 +71,7 @@ def make_messages() -> list[dict[str, Any]]:
 
 
 def make_topics() -> dict[str, str]:
-    keys = {name: getattr(topics, name)("pit") for name in ("join", "lobby")}
+    keys = {name: getattr(topics, name)("pit") for name in ("join", "lobby", "submissions")}
     for team in Team:
         for name in ("observation", "action"):
             keys[f"{name} of {team.name.lower()}"] = getattr(topics, name)("pit", LANE, team)

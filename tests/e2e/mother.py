@@ -17,8 +17,9 @@ from multiprocessing.reduction import recv_handle
 MODULES = (
     "alembic.command", "cryptography.hazmat.primitives.asymmetric.ed25519", "cryptography.hazmat.primitives.ciphers.aead",
     "cryptography.x509", "jinja2", "logging.config", "msgpack", "numpy.random", "openskill.models", "PIL.Image", "platformdirs",
-    "pydantic", "rich.live", "rich.progress", "rich.table", "scipy.linalg", "scipy.special", "sqlalchemy.dialects.sqlite",
-    "starlette.applications", "starlette.routing", "starlette.websockets", "typer.testing", "uvicorn", "websockets", "zenoh",
+    "prometheus_client", "pydantic", "rich.live", "rich.progress", "rich.table", "scipy.linalg", "scipy.special",
+    "sqlalchemy.dialects.sqlite", "starlette.applications", "starlette.routing", "starlette.websockets", "typer.testing",
+    "uvicorn", "websockets", "zenoh",
 )  # fmt: skip
 
 

@@ -44,7 +44,7 @@ class Pit:
         self.answers: SimpleQueue[bytes] = SimpleQueue()
         router.subscribe("**", note(self.referee_heard))
         router.subscribe(topics.all_actions("p"), lambda sample: None)  # what a client may know of, and sends to
-        for key in (topics.join("p"), topics.lobby("p"), ELSEWHERE):
+        for key in (topics.join("p"), topics.lobby("p"), topics.submissions("p"), ELSEWHERE):
             router.answer(key, lambda question: question.answer(b"the pit's"))
         for key in (OBSERVATION, PUBLIC, TRUTH):
             player.subscribe(key, note(self.player_heard))
@@ -136,7 +136,7 @@ def test_a_client_answers_nobody_in_place_of_the_pit(pit: Pit, enemy: zenoh.Sess
         asked.append(str(query.key_expr))
         query.reply(query.key_expr, b"the rival's")
 
-    for key in (topics.join("p"), topics.lobby("p"), topics.journal("p", "m"), "arena/p/*", "**"):
+    for key in (topics.join("p"), topics.lobby("p"), topics.submissions("p"), topics.journal("p", "m"), "arena/p/*", "**"):
         enemy.declare_queryable(key, answer, complete=True)
     pit.await_mark(enemy)
 
@@ -155,6 +155,7 @@ def test_a_client_asks_the_pit_and_nobody_else(pit: Pit, enemy: zenoh.Session) -
     for key in (ELSEWHERE, "arena/p/*", "arena/*/join"):
         assert ask(key) == []
     assert ask(topics.join("p")) == [b"the pit's"]
+    assert ask(topics.submissions("p")) == [b"the pit's"]
     assert pit.ask(pit.router, ELSEWHERE) == b"the pit's"  # for those who may
 
 

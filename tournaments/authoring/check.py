@@ -13,6 +13,7 @@ from policies.registry import check_name, load
 from tournaments.authoring.checked_bot import N_REPLAYS, CheckedBot
 from tournaments.authoring.findings import Report
 from tournaments.league.entries import kind_of_file, name_of
+from tournaments.running.preflight import PATIENCE_S
 
 OPPONENTS = ("random", "rush", "defend", "squad")
 """Who walks anywhere, who attacks, who waits, and who thinks."""
@@ -55,6 +56,7 @@ def check(
     has_wall: bool | None = None,
     opponents: Sequence[str] = OPPONENTS,
     most_s: float = MOST_S,
+    patience_s: float = PATIENCE_S,
     advance: Callable[[int], None] = lambda _: None,
 ) -> Report:
     """Play a fighter as a pit would, and return what is found.
@@ -67,6 +69,8 @@ def check(
         Whether it plays behind a wall; without it, if this machine can build one.
     most_s
         Each match has its share of it, and is cut short after that.
+    patience_s
+        How long it may take to be ready to play.
     advance
         Called with the number of matches that were played since the last call.
 
@@ -79,6 +83,7 @@ def check(
     checked = CheckedBot(
         spec, ruleset, time_control, limits,
         has_wall=why is None if has_wall is None else has_wall, opponents=[name_of(name) for name in opponents],
+        patience_s=patience_s,
     )  # fmt: skip
     factory = checked.make(is_shared=True)
     try:

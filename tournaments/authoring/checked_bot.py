@@ -76,9 +76,10 @@ class CheckedBot:
         *,
         has_wall: bool,
         opponents: Sequence[str],
+        patience_s: float = PATIENCE_S,
     ) -> None:
         self._spec, self._ruleset, self._clock, self._opponents = spec, ruleset, time_control, opponents
-        self._limits, self._has_wall = limits, has_wall
+        self._limits, self._has_wall, self._load_patience_s = limits, has_wall, patience_s
         self._patience_s = PATIENCE_S if time_control.turn_time_s is None else time_control.turn_time_s + time_control.bank_s
         _, self._files = resolve(spec)
         self._findings: dict[str, Finding] = {}
@@ -97,7 +98,7 @@ class CheckedBot:
         """Start a process, and return after how many seconds it was ready; None if it never was."""
         begun_s = time.monotonic()
         try:
-            factory.prepare(PATIENCE_S)
+            factory.prepare(self._load_patience_s)
         except PolicyError as error:
             if NO_BOT in str(error):
                 raise PolicyError(str(error).partition(" cannot start: ")[2] or str(error)) from error
@@ -202,7 +203,7 @@ class CheckedBot:
         """Play a match from the same keys in a fresh process, and compare the orders."""
         factory = self.make(is_shared=False)
         try:
-            factory.prepare(PATIENCE_S)
+            factory.prepare(self._load_patience_s)
             trial = Trial(factory, self._ruleset, match.team, match.keys(), opponent, str(match.number))
             trial.start()
             until_s = time.monotonic() + most_s

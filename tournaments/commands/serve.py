@@ -48,11 +48,21 @@ def serve(
     ] = None,
     fsync: Annotated[bool, typer.Option("--fsync", help="Let every tick outlive a power cut, at its price.")] = False,
     invite: Annotated[Path | None, typer.Option(metavar="FILE", help="Let in only who has one of its codes, one a line.")] = None,
+    metrics: Annotated[
+        str, typer.Option(metavar="HOST:PORT", help="Tell a monitor /healthz and /metrics there; as in 127.0.0.1:9100.")
+    ] = "",
     certificate: Annotated[
         tuple[Path, Path] | None, typer.Option(metavar="CERT KEY", help="For --listen tls/HOST:PORT: two PEM files.")
     ] = None,
     web: Annotated[
         int | None, typer.Option(metavar="PORT", min=1, max=65535, help="Show the pit in the browser, on this machine.")
+    ] = None,
+    web_host: Annotated[
+        str, typer.Option(metavar="HOST", help="Where --web listens; the default lets in nobody but this machine.")
+    ] = "127.0.0.1",
+    web_name: Annotated[
+        list[str] | None,
+        typer.Option(metavar="HOST", help="A name by which browsers reach --web, beside --web-host; may be given again."),
     ] = None,
     no_web: Annotated[bool, typer.Option("--no-web", help="Do not; so it is without --web.")] = False,
 ) -> None:
@@ -71,13 +81,15 @@ def serve(
     from arena.game.ruleset import load, parse_overrides
     from arena.keyring.files import load_or_make, load_or_make_secret
     from arena.match.time_control import TimeControl
+    from arena.metrics.server import serve_metrics
     from arena.network.access import Certificate
     from arena.network.address import Address
+    from arena.pit.monitor import PitMonitor
     from arena.pit.pit import Pit, PitSettings
     from arena.pit.register import Register, read_invites
     from arena.protocol.topics import check_chunk
     from tournaments.ladder.methods import DEFAULT, find_ladder
-    from tournaments.web_page import check, web_page
+    from tournaments.web_page import PagePlace, check, web_page
 
     if db and not ladder:
         raise InputError("--db is where a ladder is kept; give --ladder as well")
@@ -87,8 +99,11 @@ def serve(
         raise InputError("--public-delay shows maps that --seed may bring again; give one of the two")
     if web is not None and no_web:
         raise InputError("--web and --no-web exclude each other")
-    if web is not None:
-        check()
+    if web is None and (web_host != "127.0.0.1" or web_name):
+        raise InputError("--web-host and --web-name say where --web is reached; give --web PORT as well")
+    place = None if web is None else PagePlace(port=web, host=web_host, names=tuple(web_name or ()))
+    if place is not None:
+        check(place)
     if seed is not None:
         say("arena: warning: anyone can try small seeds; strangers should not be seated under --seed", err=True)
     if public_delay is not None:
@@ -127,13 +142,16 @@ def serve(
         say(f"join with: arena join {chosen.address} --team any --policy rush{' --forever' if ladder else ''}")
         if n_resumed:
             say(f"{n_resumed} unfinished matches wait for their seats to come back")
-        if web is not None:
+        if place is not None:
             sys.stdout.flush()  # the page says its address on the same stdout
-            beside.enter_context(web_page(chosen.address, web, folder, db, None if certificate is None else certificate[0]))
+            beside.enter_context(web_page(chosen.address, place, folder, db, None if certificate is None else certificate[0]))
 
     opened = open_ladder(db or str(folder / "arena.db"), pit, chosen.ruleset.hash) if open_ladder else nullcontext()
     with opened as kept, ExitStack() as beside:
-        server = Pit(replace(chosen, ladder=kept))
+        monitor = PitMonitor() if metrics else None
+        if monitor is not None:
+            beside.enter_context(serve_metrics(metrics, monitor.read))
+        server = Pit(replace(chosen, ladder=kept, monitor=monitor))
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: server.stop())
         n_left = server.run(on_open, lambda played: say(_describe(played)))

@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from arena.console import say
-from arena.errors import InputError
 
 _GOODBYE_S = 2
 """How long open pages are waited for when the server ends."""
@@ -50,7 +49,7 @@ def web(
     from clients.commands.connecting import trust
     from clients.human.turn_mailbox import TurnMailbox
     from clients.settings import ClientSettings
-    from clients.web.guard import LOOPBACK
+    from clients.web.guard import EVERYWHERE, LOOPBACK, list_names
     from clients.web.pit import PitClient
     from clients.web.play import BrowserSeats
     from tournaments.reports.web_leagues import Leagues
@@ -62,12 +61,7 @@ def web(
         from clients.web.connections import MOST_CONNECTIONS, MOST_MESSAGE_BYTES, ImpatientProtocol
         from clients.web.server import WebSettings, listen, make_app
 
-    names = [*LOOPBACK, *(name or ())]
-    if host in ("0.0.0.0", "::"):
-        if not name:
-            raise InputError(f"--host {host} listens everywhere; say with --name by which name or number browsers reach it")
-    else:
-        names.append(host)
+    names = list_names(host, name or ())
     address = parse_address(pit)
     fragment = "" if spectator_key is None else f"#key={to_text(load_secret(spectator_key))}"
     folder = data_folder(data)
@@ -92,10 +86,10 @@ def web(
         pit=client,
         leagues=Leagues(folder, db),
         players=BrowserSeats(make_settings) if play or (play is None and host in LOOPBACK) else None,
-        names=tuple(names),
+        names=names,
     )
     listening = listen(host, port)
-    shown = host if host not in ("0.0.0.0", "::") else (name or names)[0]
+    shown = (name or names)[0] if host in EVERYWHERE else host
     with listening:
         compile_kernels(game_kernels(load("paper")))  # they are the same for all rulesets
         say(f"web page at http://{shown}:{listening.getsockname()[1]}/{fragment}")

@@ -15,7 +15,7 @@ from typing import Any
 
 from arena.errors import ArenaError
 from arena.game.types import Team, Termination
-from arena.pit.ladder import LadderMatch, Waiting
+from arena.pit.ladder import Backlog, LadderMatch, Waiting
 from arena.protocol.identity import to_text
 from tournaments.ladder.ladder_store import LadderStore
 from tournaments.ladder.matchmaking import Candidate
@@ -54,6 +54,8 @@ class RatedLadder:
         self._ranked: list[dict[str, Any]] | None = None
         self._ranked_at_s = 0.0
         self._rows: SimpleQueue[_Row | None] = SimpleQueue()
+        self._oldest_at_s: float | None = None
+        """When the row that is being stored was counted."""
         self._failure: Exception | None = None
         self._writer = Thread(target=self._write, name="ladder")
         self._writer.start()
@@ -127,6 +129,13 @@ class RatedLadder:
             self._ranked, self._ranked_at_s = rank([age(entry, now_s) for entry in self._entries.values()]), now_s
         return self._ranked
 
+    def backlog(self) -> Backlog:
+        """Return what is not stored yet."""
+        oldest_at_s = self._oldest_at_s
+        if oldest_at_s is None:
+            return Backlog(self._rows.qsize(), 0.0)
+        return Backlog(self._rows.qsize() + 1, max(self._clock() - oldest_at_s, 0.0))
+
     def _check(self) -> None:
         if self._failure is not None:
             raise self._failure
@@ -134,11 +143,13 @@ class RatedLadder:
     def _write(self) -> None:
         """Store results as they come; after a failure none is stored any more, and the pit hears of it with the next."""
         while (row := self._rows.get()) is not None:
+            match, after, self._oldest_at_s = row
             if self._failure is None:
                 try:
-                    self._store.count_match(self._name, *row)
+                    self._store.count_match(self._name, match, after, self._oldest_at_s)
                 except ArenaError as error:
                     self._failure = error
+            self._oldest_at_s = None
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """Ladders in the store: each match counted once, and with it, in one transaction, what it made of two ratings."""
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -65,8 +66,13 @@ class LadderStore(Store):
             raise StoreError("the store holds no ladder yet; arena serve --ladder begins one")
         return ladders[0]
 
-    def count_match(self, ladder: str, match: LadderMatch, after: dict[Team, LadderEntry], counted_at: float) -> bool:
-        """Keep a match, and its two entries as they are after it; False if it was counted before, which changes nothing."""
+    def count_match(
+        self, ladder: str, match: LadderMatch, after: dict[Team, LadderEntry], counted_at: float | None = None
+    ) -> bool:
+        """Keep a match, counted at a time, else now, and its two entries as they are after it.
+
+        False if it was counted before, which changes nothing.
+        """
         row = {
             "ladder": ladder,
             "identity": match.identity,
@@ -76,7 +82,7 @@ class LadderStore(Store):
             "red_key": to_text(match.entries[Team.RED]),
             **match.result.to_dict(),
             "rules": match.rules_hash,
-            "counted_at": counted_at,
+            "counted_at": time.time() if counted_at is None else counted_at,
         }
         keep = self._insert(LADDER_MATCHES).values(row).on_conflict_do_nothing(index_elements=["identity"]).inline()
         changes = []

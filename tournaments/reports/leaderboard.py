@@ -110,7 +110,11 @@ def as_table(rows: Sequence[Standing]) -> tuple[list[str], list[list[str | int]]
 
 def as_web_table(rows: Sequence[Standing]) -> dict[str, Any]:
     """Return the leaderboard as the web page shows and sorts it."""
-    shown = columns(rows)
+    return to_web_table(rows, columns(rows))
+
+
+def to_web_table(rows: Sequence[Standing], shown: Sequence[Column]) -> dict[str, Any]:
+    """Return these columns of a leaderboard as the web page shows and sorts them."""
     heads = [{"name": column.name, "meaning": column.meaning, "is_low_first": column.is_low_first} for column in shown]
     return {
         "columns": heads,

@@ -10,9 +10,24 @@ from arena.records.plan import MatchPlan
 from arena.sandbox.process import Sandbox
 from tournaments.outcome import Outcome
 
+MOST_CLIENTS = 32
+"""Each takes the memory of a Python that plays, and a second or two of a core to start."""
+
 
 def ignore_invitations(_: Mapping[str, str]) -> None:
     """Tell nobody how to join."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fighter:
+    """What plays for one entry."""
+
+    spec: str
+    """A fighter by name or file, a program, or the public key of one that joins by itself."""
+    sandbox: Sandbox | None = None
+    """Where a file or a program runs; None for another, which runs in the process that joins for it."""
+    public_key: bytes | None = None
+    """Of one that joins by itself, and has no process here."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +53,16 @@ class VenueSetting:
     """Endpoint of the pit; any free port of loopback without it."""
     on_open: Callable[[Mapping[str, str]], None] = ignore_invitations
     """Called once the pit is open, with the command by which each of `remote` joins."""
+    most_clients: int = MOST_CLIENTS
+    """Processes of entries that the pit starts at once; what others have to play waits its turn."""
+
+    @property
+    def fighters(self) -> dict[str, Fighter]:
+        """What `entries`, `sandboxes` and `remote` say of each entry."""
+        return {
+            name: Fighter(spec=spec, sandbox=self.sandboxes.get(name), public_key=self.remote.get(name))
+            for name, spec in self.entries.items()
+        }
 
 
 Venue = Callable[[VenueSetting, Sequence[MatchPlan]], Iterator[Outcome]]

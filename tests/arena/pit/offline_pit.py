@@ -40,7 +40,7 @@ from arena.pit.match_session import PitContext
 from arena.pit.register import Register
 from arena.pit.seating import OpenSeating, Seating
 from arena.protocol.codec import decode, encode
-from arena.protocol.handshake import Attempt
+from arena.protocol.handshake import Attempt, Request
 from arena.protocol.identity import Identity
 from arena.protocol.messages import (
     AdminRequest,
@@ -232,7 +232,7 @@ class Player:
         plain = JoinRequest(rules_version=RULES_VERSION, name=self.name, team="any", client=self.client, slot=0)
         return replace(plain, **changes)
 
-    def send_request(self, request: JoinRequest | AdminRequest | None = None, **changes: Any) -> "Player":
+    def send_request(self, request: Request | None = None, **changes: Any) -> "Player":
         """Send a sealed request; the pit has still to open it."""
         self.attempt = Attempt(self.identity, "pit", self.pit.challenge(), request or self.join_request(**changes))
         self.question = self.pit.ask_to_join(self.attempt.sealed)

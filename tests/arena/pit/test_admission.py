@@ -26,6 +26,7 @@ from arena.protocol.messages import (
     Ready,
     Refusal,
     SealedRequest,
+    SeasonRequest,
     Ticket,
     Wait,
 )
@@ -92,6 +93,14 @@ def test_a_request_that_does_not_open_or_comes_twice_is_refused_and_counted(pit:
 )
 def test_an_entry_that_cannot_play_here_is_refused_with_the_reason(pit: OfflinePit, changes: dict[str, Any], why: str) -> None:
     assert refusal(Player(pit, "ann").ask(**changes)).startswith(why)
+    assert pit.lobby().waiting == []
+
+
+def test_a_request_to_a_season_gets_no_seat_in_a_pit(pit: OfflinePit) -> None:
+    ann = Player(pit, "ann").send_request(SeasonRequest(command="status", name="ann"))
+    pit.pass_time()
+
+    assert refusal(ann.answer()) == "this is no request for a seat"
     assert pit.lobby().waiting == []
 
 

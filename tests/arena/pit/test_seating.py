@@ -196,3 +196,53 @@ def test_a_process_with_many_slots_plays_many_matches_at_once() -> None:
 
     assert [identity for identity, _, _ in begun] == ["0/ann/bob", "1/ann/bob", "2/ann/bob"]
     assert {blue for _, blue, _ in begun} == {slot_of("ann", slot) for slot in range(3)}
+
+
+def test_a_match_that_is_added_begins_with_slots_that_wait_already() -> None:
+    seating = PlannedSeating(is_open=True)
+    seating.add([], ["ann", "bob"])
+    assert [ask(seating, "ann"), ask(seating, "bob")] == [Wait(reason="for an opponent")] * 2
+    assert seating.pair_up(0.0) is None
+
+    seating.add([plan("ann", "bob")])
+    pairing = seating.pair_up(0.0)
+
+    assert pairing is not None
+    assert (pairing.plan.identity, pairing.slots[Team.BLUE]) == ("0/ann/bob", slot_of("ann"))
+    assert seating.pair_up(0.0) is None
+    assert (seating.take_begun(), seating.take_begun(), seating.waiting) == (["0/ann/bob"], [], set())
+    assert not seating.is_done
+
+
+def test_an_entry_without_matches_waits_until_no_more_can_be_added() -> None:
+    seating = PlannedSeating(is_open=True)
+    seating.add([plan("bob", "cid")], ["ann"])
+    assert isinstance(ask(seating, "ann"), Wait)
+
+    seating.finish()
+
+    assert ask(seating, "ann") == Closed(reason="all matches of ann have begun")
+    assert isinstance(ask(seating, "bob"), Wait)
+
+
+def test_an_entry_that_is_dismissed_is_seated_again_once_it_is_called() -> None:
+    seating = PlannedSeating([plan("ann", "bob")])
+    ask(seating, "ann")
+
+    seating.dismiss("ann")
+    closed = Closed(reason="ann is not needed for now")
+    assert seating.dismissal("ann") == closed
+    assert isinstance(ask(seating, "bob"), Wait), "its slot waits no longer"
+    assert ask(seating, "ann") == closed
+
+    seating.call("ann")
+    assert ask(seating, "ann") == ("0/ann/bob", slot_of("ann"), slot_of("bob"))
+
+
+def test_what_an_entry_has_not_begun_can_be_dropped() -> None:
+    seating = PlannedSeating([plan("ann", "bob", 0), plan("bob", "cid", 1), plan("cid", "ann", 2)])
+
+    assert seating.drop(["ann"]) == ["0/ann/bob", "2/cid/ann"]
+    ask(seating, "cid")
+
+    assert ask(seating, "bob")[0] == "1/bob/cid"

@@ -20,7 +20,9 @@ from arena.policy import MatchResult, Thinking
 from arena.sandbox import bubblewrap
 from arena.sandbox.control_group import ControlGroup
 from arena.sandbox.limits import BEHIND_A_WALL
+from arena.submission import read_source
 from policies.registry import load as load_policy
+from policies.workers.files import fighter_in
 from policies.workers.policy import LOAD_S, WorkerFactory, WorkerPolicy
 
 PAPER = load("paper")
@@ -389,6 +391,45 @@ def test_a_bot_that_cannot_start_is_told_of_in_a_sentence(source: str, says: str
 def test_no_command_line_opens_the_wall_by_naming_a_folder(folder: str, start: Start) -> None:
     with pytest.raises(InputError, match="behind its wall it would see all that is in there"):
         start(f"exec:/bin/sh -c true {folder}", **walls())
+
+
+def submit(folder: Path, **files: str) -> str:
+    """Return the fighter of a submission that was written to a folder."""
+    (folder / "from").mkdir()
+    (folder / "there").mkdir()
+    for name, text in files.items():
+        (folder / "from" / name.replace("_py", ".py")).write_text(text)
+    read_source(folder / "from", 1 << 20).write(folder / "there")
+    return fighter_in(folder / "there")
+
+
+def test_a_submitted_bot_finds_the_files_beside_it_behind_its_wall(start: Start, board: BatchedGame, tmp_path: Path) -> None:
+    bot = submit(tmp_path, bot_py="from plan import act\n", plan_py="def act(seen):\n    return [3] * len(seen.units)\n")
+
+    policy = start(bot, **walls())
+
+    assert act(policy, board) == [3] * 6
+
+
+PROGRAM = """
+import json, os, sys
+sees = any(os.path.exists(path) for path in sys.argv[1:])
+for line in sys.stdin:
+    if json.loads(line)["type"] == "observation":
+        print([4 if sees else 2] * 6, flush=True)
+"""
+
+
+def test_a_submitted_program_runs_in_its_folder_and_is_shown_nothing_that_its_command_line_names(
+    start: Start, board: BatchedGame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "secret.key").write_text("secret")
+    monkeypatch.chdir(tmp_path)
+    program = submit(tmp_path, program=f"python3 main.py {tmp_path}/secret.key secret.key ../secret.key", main_py=PROGRAM)
+
+    policy = start(program, **walls())
+
+    assert act(policy, board) == [2] * 6
 
 
 def test_a_bot_that_never_answers_is_ended_where_it_is_waited_for(start: Start, board: BatchedGame) -> None:

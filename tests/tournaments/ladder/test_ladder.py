@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import pytest
@@ -172,6 +173,28 @@ def test_a_store_that_fails_stops_the_pit_with_a_sentence(tmp_path: Path, monkey
         ladder.close()
     with pytest.raises(ArenaError, match="the disk is full"):
         ladder.count(match(1))
+
+
+def test_a_ladder_tells_how_far_its_store_is_behind(ladder: RatedLadder, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, may_end, count = Event(), Event(), LadderStore.count_match
+
+    def count_slowly(*row: Any) -> bool:
+        begun.set()
+        return may_end.wait(30) and count(*row)
+
+    monkeypatch.setattr(LadderStore, "count_match", count_slowly)
+    before = ladder.backlog()
+    for number in range(3):
+        ladder.count(match(number))
+    assert begun.wait(30)
+    behind = ladder.backlog()
+    may_end.set()
+    ladder.close()
+
+    assert (before.n_rows, before.lag_s) == (0, 0.0)
+    assert behind.n_rows == 3
+    assert behind.lag_s > 0
+    assert (ladder.backlog().n_rows, ladder.backlog().lag_s) == (0, 0.0)
 
 
 def test_the_standings_are_printed_from_the_store(store_url: str) -> None:

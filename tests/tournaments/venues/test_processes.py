@@ -7,29 +7,25 @@ import socket
 import subprocess
 import sys
 import threading
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from family import PATIENCE_S, LeagueProcess, kill, marked, processes, wait_for_the_end_of
+from network_settings import make_setting, plan, sessions
 
 import tournaments.venues.processes as tournament_processes
 from arena.errors import ArenaError
-from arena.game.keys import secret_from_seed
-from arena.game.ruleset import load
 from arena.game.types import Team, Termination
 from arena.match.time_control import TimeControl
-from arena.records.plan import MatchPlan
 from arena.sandbox.limits import NO_LIMITS
 from arena.sandbox.process import Sandbox
-from tournaments.fixture import plan_fixture
 from tournaments.outcome import Outcome
 from tournaments.venues.local import play as play_local
 from tournaments.venues.network import freeze
 from tournaments.venues.network import play as play_network
 from tournaments.venues.processes import MOST_DEATHS
-from tournaments.venues.setting import VenueSetting
 
 ENTRIES = {"one": "rush", "two": "patrol", "three": "random"}
 SLOW = """
@@ -50,37 +46,11 @@ def act(observation):
 """
 
 
-def make_setting(folder: Path, **entries: str) -> VenueSetting:
-    """Return a setting; an entry is a fighter's name, or the code of a bot."""
-    for name, code in entries.items():
-        if "\n" in code:
-            (folder / f"{name}.py").write_text(code)
-            entries[name] = str(folder / f"{name}.py")
-    return VenueSetting(
-        ruleset=load("paper"), entries=entries, time_control=TimeControl(turn_time_s=None, grace_s=PATIENCE_S), slots=1,
-        journals=folder / "journals", keys=folder / "keys", homes=folder / "homes",
-    )  # fmt: skip
-
-
 @pytest.fixture
 def few_deaths(monkeypatch: pytest.MonkeyPatch) -> int:
     """Give up sooner on who dies again and again; return how often that is."""
     monkeypatch.setattr(tournament_processes, "MOST_DEATHS", 1)
     return 2
-
-
-def plan(one: str, other: str, n_pairs: int = 1) -> list[MatchPlan]:
-    return plan_fixture("processes", one, other, n_pairs, secret_from_seed(1))
-
-
-def sessions(*words: str) -> set[int]:
-    """Return the sessions, each of one entry, of what has these words in its command line."""
-    found = set()
-    for pid, command in processes():
-        with suppress(ProcessLookupError):
-            if all(word in command for word in words):
-                found.add(os.getsid(pid))
-    return found
 
 
 def test_the_referee_and_every_entry_have_a_process_of_their_own(tmp_path: Path) -> None:
@@ -220,7 +190,7 @@ def test_a_referee_that_cannot_listen_says_so(tmp_path: Path, few_deaths: int) -
 FULL = """
 import resource, sys
 from pathlib import Path
-from test_processes import make_setting, plan
+from network_settings import make_setting, plan
 from arena.errors import ArenaError
 from tournaments.venues.table import find_venue
 def main():
@@ -328,9 +298,9 @@ def test_a_bot_file_that_is_edited_while_its_league_runs_plays_on_as_it_was(tmp_
         sandboxes={name: Sandbox(has_wall=name == "bot", limits=NO_LIMITS) for name in ("bot", "trusted")},
     )
 
-    entries = freeze(setting)
+    frozen = {name: fighter.spec for name, fighter in freeze(setting.fighters).items()}
     bot.write_text("after")
 
-    assert Path(entries["bot"]).name == "bot.py"
-    assert Path(entries["bot"]).read_text() == "before"
-    assert (entries["one"], entries["trusted"]) == ("rush", str(trusted)), "which finds its neighbours beside it"
+    assert Path(frozen["bot"]).name == "bot.py"
+    assert Path(frozen["bot"]).read_text() == "before"
+    assert (frozen["one"], frozen["trusted"]) == ("rush", str(trusted)), "which finds its neighbours beside it"

@@ -29,7 +29,7 @@ def upgrade(engine: Engine, where: str, *, make: bool) -> None:
         There are no tables, or they are of a newer version.
     """
     with engine.connect() as connection:
-        version = _find_version(connection)
+        version = find_version(connection)
     if version is None and not make:
         raise StoreError(f"{where} is no store of the arena: it has no table of leagues")
     if version == VERSION or (version == _UNNUMBERED and VERSION == _FIRST and not make):
@@ -45,7 +45,7 @@ def _upgrade(connection: Connection, where: str) -> None:
     with connection.begin():
         if connection.dialect.name == "postgresql":
             connection.execute(select(func.pg_advisory_xact_lock(number("arena upgrade"))))
-        version = _find_version(connection)  # anew: another process may just have done it
+        version = find_version(connection)  # anew: another process may just have done it
         config = _configure(connection)
         known = {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
         if version and version not in known:
@@ -53,6 +53,19 @@ def _upgrade(connection: Connection, where: str) -> None:
         if version == _UNNUMBERED:
             command.stamp(config, _FIRST)
         command.upgrade(config, "head")
+
+
+def lay(connection: Connection, version: str) -> None:
+    """Bring the tables of a transaction to a version; `StoreError` if this arena does not know it."""
+    from alembic import command
+    from alembic.script import ScriptDirectory
+
+    with _ONE_AT_A_TIME:
+        config = _configure(connection)
+        known = {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
+        if version not in (*known, "head"):
+            raise StoreError(f"the backup is of version {version} of the store, by a newer arena; update this one")
+        command.upgrade(config, version)
 
 
 def _configure(connection: Connection) -> "Config":
@@ -64,7 +77,7 @@ def _configure(connection: Connection) -> "Config":
     return config
 
 
-def _find_version(connection: Connection) -> str | None:
+def find_version(connection: Connection) -> str | None:
     """Return the version of a store's tables; None if it has no tables."""
     tables = inspect(connection)
     if tables.has_table("alembic_version"):

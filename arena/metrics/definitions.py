@@ -1,0 +1,70 @@
+"""Every metric, once: the pit, the season and the web page tell of those that they have."""
+
+from bisect import bisect_left
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Metric:
+    """One metric, as Prometheus knows it."""
+
+    name: str
+    """Of a counter, without the `_total` that its samples end with."""
+    kind: Literal["gauge", "counter", "histogram"]
+    help: str
+    label: str = ""
+    """What its samples are told apart by; nothing where there is one sample."""
+
+
+MATCHES_RUNNING = Metric(name="arena_matches_running", kind="gauge", help="Matches that are not over.")
+MATCHES_ENDED = Metric(name="arena_matches_ended", kind="counter", help="Matches that ended.", label="ending")
+TICKS = Metric(name="arena_ticks", kind="counter", help="Ticks played.")
+TURN_SECONDS = Metric(
+    name="arena_turn_seconds", kind="histogram", help="What answered turns were charged, once their match is over."
+)
+FAULTS = Metric(name="arena_faults", kind="counter", help="Late orders, and what else is counted of seats.", label="fault")
+QUEUE = Metric(name="arena_queue_length", kind="gauge", help="How many wait for their turn.", label="queue")
+REQUESTS_REFUSED = Metric(
+    name="arena_requests_refused", kind="counter", help="Requests that did not open, or that somebody else had signed."
+)
+MESSAGES_DROPPED = Metric(name="arena_messages_dropped", kind="counter", help="Messages dropped since their queue was full.")
+STORE_ROWS_WAITING = Metric(name="arena_store_rows_waiting", kind="gauge", help="Results that are not stored yet.")
+STORE_LAG_SECONDS = Metric(name="arena_store_lag_seconds", kind="gauge", help="How long the oldest of those has waited.")
+PIT_REACHABLE = Metric(name="arena_pit_reachable", kind="gauge", help="1 if the pit answers the web page, else 0.")
+PAGES_OPEN = Metric(name="arena_pages_open", kind="gauge", help="Pages that stay connected to watch or to play.")
+PAGE_SECONDS = Metric(name="arena_page_seconds", kind="histogram", help="How long the web server took to answer.")
+METRICS = tuple(value for value in list(globals().values()) if isinstance(value, Metric))
+
+
+@dataclass(slots=True)
+class Histogram:
+    """How many values fell below each of some bounds; one thread adds to it."""
+
+    bounds: Sequence[float]
+    counts: list[int] = field(default_factory=list)
+    """Values up to each bound and above the one before; the last, those above all."""
+    total: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.counts = list(self.counts) or [0] * (len(self.bounds) + 1)
+
+    def add(self, values: Iterable[float]) -> None:
+        """Count some values."""
+        for value in values:
+            self.counts[bisect_left(self.bounds, value)] += 1
+            self.total += value
+
+    def copy(self) -> "Histogram":
+        """Return what was counted so far, for another thread."""
+        return Histogram(self.bounds, self.counts, self.total)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a metric reads now."""
+
+    metric: Metric
+    values: float | Histogram | Mapping[str, float]
+    """A mapping where the metric has a label: by its values."""

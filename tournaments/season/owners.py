@@ -1,0 +1,320 @@
+"""What the owner of an entry may ask of a season, and what is answered: uploads, how it stands, its log, its versions.
+
+Whoever asks has signed it. A name belongs to the first key that submitted something under it which was taken.
+"""
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from datetime import UTC, datetime
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from arena.console import quantity
+from arena.errors import InputError
+from arena.game.types import Team
+from arena.pit.register import Register
+from arena.protocol.identity import from_text, to_text
+from arena.protocol.messages import Message, Refusal, SeasonAnswer, SeasonRequest, Wait
+from arena.protocol.topics import is_chunk
+from arena.submission import unpack
+from tournaments.league.entries import REMOTE
+from tournaments.league.season import SeasonTerms
+from tournaments.league.versions import Version, label_of
+from tournaments.outcome import Outcome
+from tournaments.season.submitted import SubmittedFolder
+from tournaments.season.uploads import Uploads
+from tournaments.store.season_store import WAITING, SeasonEntry, SeasonStore, Submission
+from tournaments.store.store import StoredLeague
+
+logger = logging.getLogger(__name__)
+_DAY_S = 86_400.0
+_LOG_PIECE_BYTES, _MOST_LOG_BYTES = 40_000, 200_000
+_MOST_SUBMISSIONS, _MOST_VERSIONS, _MOST_MATCHES = 10, 50, 10
+"""Of those that an owner is told of, the last."""
+
+
+class OwnerRequests:
+    """Answers the owners of a season's entries.
+
+    Parameters
+    ----------
+    logs
+        Folder of the logs of those that play, LABEL.log.
+    register
+        The invites of the season, and who used them.
+    clock
+        Seconds since 1970.
+    on_submission
+        Called when something waits for its check.
+    on_change
+        Called when an entry plays another version, or none.
+    describe
+        Returns what else the season tells the owner of an entry: its rating, its place, its page.
+    """
+
+    def __init__(
+        self,
+        store: SeasonStore,
+        league: StoredLeague,
+        terms: SeasonTerms,
+        folder: SubmittedFolder,
+        logs: Path,
+        register: Register,
+        *,
+        clock: Callable[[], float],
+        on_submission: Callable[[], None],
+        on_change: Callable[[], None],
+        describe: Callable[[SeasonEntry], Mapping[str, Any]] = lambda _: {},
+    ) -> None:
+        self._store, self._league, self._terms, self._folder, self._logs = store, league, terms, folder, logs
+        self._register, self._clock, self._describe = register, clock, describe
+        self._on_submission, self._on_change = on_submission, on_change
+        self._most_bytes = terms.most_kb * 1_000
+        self._uploads = Uploads(self._most_bytes)
+        self._commands: dict[str, Callable[[SeasonRequest, float], Message]] = {
+            "upload": self._upload,
+            "remote": self._play_remotely,
+            "status": self._tell_status,
+            "log": self._tell_log,
+            "roll-back": self._roll_back,
+            "withdraw": self._withdraw,
+        }
+
+    @property
+    def n_held_bytes(self) -> int:
+        """Memory that uploads take, or were promised."""
+        return self._uploads.n_held_bytes
+
+    def answer(self, request: SeasonRequest, now_s: float) -> Message:
+        """Do what is asked for, or say why not; `now_s` is of a clock that never goes back.
+
+        Raises
+        ------
+        StoreError
+            The store cannot be reached.
+        """
+        command = self._commands.get(request.command)
+        try:
+            if command is None:
+                raise InputError(f"there is no command {request.command!r}; it is one of {', '.join(self._commands)}")
+            if not is_chunk(request.name):
+                raise InputError("an entry's name is 1 to 64 letters, digits, - or _; choose one with --name")
+            return command(request, now_s)
+        except InputError as error:
+            return Refusal(reason=str(error))
+
+    # Submitting
+
+    def _upload(self, request: SeasonRequest, now_s: float) -> Message:
+        self._check_may_submit(request)
+        came = self._uploads.receive(request, now_s)
+        if came is None:
+            return Wait(reason="others submit much just now")
+        if isinstance(came, int):
+            return SeasonAnswer(text="more is to come", offset=came)
+        try:
+            unpack(came, self._most_bytes)
+            self._check_is_new(request.name, request.digest.hex())
+        except InputError as error:
+            logger.info("a submission of %s was not taken: %s", request.name, error)
+            raise
+        try:
+            digest = self._folder.keep(request.name, came)
+        except OSError as error:
+            logger.warning("a submission cannot be kept: %s", error)
+            return Wait(reason="the season has no room on its disk; its organiser was told")
+        kept = self._submit(request, digest, len(came))
+        self._on_submission()
+        n_before = self._queue_position(kept) - 1
+        after = f" after {quantity(n_before, 'other')}" if n_before else ""
+        return SeasonAnswer(text=f"it waits for its check{after}", offset=len(came), facts={"submission": kept.id})
+
+    def _play_remotely(self, request: SeasonRequest, now_s: float) -> Message:
+        self._check_may_submit(request)
+        spec = REMOTE + to_text(request.entry)
+        digest = sha256(spec.encode()).hexdigest()
+        self._check_is_new(request.name, digest)
+        kept = self._submit(request, digest, 0)
+        version = self._store.accept(
+            self._league, kept, spec=spec, says="it plays from its owner's machine", report=None, now_s=self._clock()
+        )
+        self._on_change()
+        return SeasonAnswer(text=f"version {version.number} of {request.name} plays as soon as it joins")
+
+    def _submit(self, request: SeasonRequest, digest: str, n_bytes: int) -> Submission:
+        return self._store.submit(
+            self._league, entry=request.name, owner=to_text(request.entry), digest=digest, n_bytes=n_bytes, now_s=self._clock()
+        )
+
+    def _check_may_submit(self, request: SeasonRequest) -> None:
+        """Refuse whoever may not submit under this name, or not now; tie the invite to who used it."""
+        self._check_is_open()
+        owner, name, terms = to_text(request.entry), request.name, self._terms
+        if _is_key(name):
+            raise InputError("a name must not look like a public key; choose another with --name")
+        self._check_invite(request)
+        waiting = self._store.submissions(self._league, state=WAITING)
+        entries = self._store.entries(self._league)
+        owners = {one.owner for one in entries if one.entry == name} | {one.owner for one in waiting if one.entry == name}
+        if owners - {owner}:
+            raise InputError(f"the name {name} belongs to another key; choose one with --name")
+        if any(one.entry == name for one in waiting):
+            raise InputError(f"a version of {name} waits for its check; submit the next when that has ended")
+        own = {one.entry for one in entries if one.owner == owner and not one.is_withdrawn}
+        own |= {one.entry for one in waiting if one.owner == owner}
+        if name not in own and len(own) >= terms.entries_per_owner:
+            raise InputError(
+                f"the season takes {quantity(terms.entries_per_owner, 'entry', 'entries')} of one owner, and you have "
+                f"{', '.join(sorted(own))}; submit a new version with --name, or --withdraw one first"
+            )
+        since_s = self._clock() - _DAY_S
+        n_today = len(self._store.submissions(self._league, owner=owner, since_s=since_s, most=terms.per_day))
+        if n_today >= terms.per_day:
+            raise InputError(
+                f"the season takes {quantity(terms.per_day, 'submission')} of one owner in 24 hours; come again later"
+            )
+
+    def _check_is_open(self) -> None:
+        deadline_s = self._terms.deadline_s
+        if deadline_s is not None and not self._terms.is_open(self._clock()):
+            raise InputError(f"the deadline was {_format_time(deadline_s)}; what comes after it is not taken")
+
+    def _check_invite(self, request: SeasonRequest) -> None:
+        register = self._register
+        if not register.needs_invite or (not request.invite and register.has_invited(request.entry)):
+            return
+        if not request.invite:
+            raise InputError("this season wants an invite code; submit with --invite CODE")
+        refusal = register.object_to(request)
+        if refusal:
+            raise InputError(refusal.replace("this pit's", "this season's"))
+        register.admit(request)
+        register.save()
+
+    def _check_is_new(self, name: str, digest: str) -> None:
+        """Refuse what the entry has played."""
+        played = next((one for one in self._versions(name) if one.fingerprint == digest), None)
+        if played is None:
+            return
+        entry = self._store.find_entry(self._league, name)
+        if entry is not None and entry.number == played.number and not entry.is_withdrawn:
+            raise InputError(f"this is version {played.number} of {name}, which plays already")
+        raise InputError(f"this was version {played.number} of {name}; to play it again: --roll-back {played.number}")
+
+    # What the owner of an entry alone may ask for
+
+    def _tell_status(self, request: SeasonRequest, now_s: float) -> Message:
+        entry = self._find_own(request)
+        owner = to_text(request.entry)
+        last = [one for one in self._store.submissions(self._league, entry=request.name, most=100) if one.owner == owner]
+        facts: dict[str, Any] = {
+            "season": self._league.name,
+            "entry": request.name,
+            "plays": None if entry is None or entry.is_withdrawn else entry.number,
+            "queue": next((self._queue_position(one) for one in last if one.state == WAITING), None),
+            "submissions": [_tell(one) for one in last[-_MOST_SUBMISSIONS:]],
+            "report": last[-1].report if last else None,
+        }
+        if entry is not None:
+            versions = self._versions(request.name)[-_MOST_VERSIONS:]
+            labels = [one.label for one in versions]
+            played = self._store.last_matches(self._league, labels, _MOST_MATCHES) if labels else []
+            facts |= {
+                "versions": [
+                    {"number": one.number, "entered_at": one.entered_at, "rating": None if one.rating is None else {**one.rating}}
+                    for one in versions
+                ],
+                "matches": [_tell_match(one, request.name) for one in played],
+                **self._describe(entry),
+            }
+        return SeasonAnswer(text=_summarise(facts), facts=facts)
+
+    def _tell_log(self, request: SeasonRequest, now_s: float) -> Message:
+        entry = self._find_own(request)
+        file = None if entry is None else self._logs / f"{label_of(entry.entry, entry.number)}.log"
+        if file is None or not file.is_file():
+            return SeasonAnswer(text=f"{request.name} has no log yet")
+        with file.open("rb") as log:
+            log.seek(max(request.offset, 0, file.stat().st_size - _MOST_LOG_BYTES))
+            data = log.read(_LOG_PIECE_BYTES)
+            return SeasonAnswer(text=file.name, offset=log.tell(), data=data)
+
+    def _roll_back(self, request: SeasonRequest, now_s: float) -> Message:
+        entry = self._find_playing(request)
+        self._check_is_open()
+        numbers = [one.number for one in self._versions(request.name)]
+        if request.number not in numbers:
+            raise InputError(f"{request.name} has no version {request.number}; it has {', '.join(map(str, numbers))}")
+        self._store.play_version(self._league, entry, request.number)
+        self._on_change()
+        return SeasonAnswer(text=f"version {request.number} of {request.name} plays from now on")
+
+    def _withdraw(self, request: SeasonRequest, now_s: float) -> Message:
+        entry = self._find_own(request)
+        for one in self._store.submissions(self._league, state=WAITING, entry=request.name):
+            self._store.refuse(self._league, one, "it was withdrawn")
+            self._folder.forget(one.entry, one.digest)
+        if entry is not None and not entry.is_withdrawn:
+            self._store.withdraw(self._league, entry)
+            self._on_change()
+        return SeasonAnswer(text=f"{request.name} plays no more; what it played stays, and --roll-back N brings it back")
+
+    def _find_own(self, request: SeasonRequest) -> SeasonEntry | None:
+        """Return the entry of this name that is the sender's; None if it never played and its submissions are the sender's."""
+        entry = self._store.find_entry(self._league, request.name)
+        owner = to_text(request.entry)
+        if entry is None and self._store.submissions(self._league, entry=request.name, owner=owner, most=1):
+            return None
+        if entry is None or entry.owner != owner:
+            raise InputError(f"you have no entry {request.name} in this season; name yours with --name, and its key with --key")
+        return entry
+
+    def _find_playing(self, request: SeasonRequest) -> SeasonEntry:
+        entry = self._find_own(request)
+        if entry is None:
+            raise InputError(f"no version of {request.name} has been accepted yet")
+        return entry
+
+    def _versions(self, name: str) -> list[Version]:
+        return sorted((one for one in self._store.versions(self._league) if one.entry == name), key=lambda one: one.number)
+
+    def _queue_position(self, waiting: Submission) -> int:
+        """Return how manieth it is to be checked, from 1."""
+        return 1 + sum(one.id < waiting.id for one in self._store.submissions(self._league, state=WAITING))
+
+
+def _is_key(name: str) -> bool:
+    try:
+        from_text(name)
+    except InputError:
+        return False
+    return True
+
+
+def _tell(one: Submission) -> dict[str, Any]:
+    return {name: value for name, value in asdict(one).items() if name not in ("entry", "owner", "report")}
+
+
+def _tell_match(outcome: Outcome, entry: str) -> dict[str, Any]:
+    """Return a match as the owner of one of its entries is told of it."""
+    team = Team.BLUE if outcome.blue.partition(".")[0] == entry else Team.RED
+    own, other = (outcome.blue, outcome.red) if team is Team.BLUE else (outcome.red, outcome.blue)
+    result = outcome.result
+    return {
+        "label": own, "opponent": other, "team": team.name.lower(), "points": result.points(team),
+        "how": result.seen_by(team).describe(team),
+    }  # fmt: skip
+
+
+def _summarise(facts: Mapping[str, Any]) -> str:
+    if facts["queue"] is not None:
+        return f"{facts['entry']} waits for its check, as number {facts['queue']} of the queue"
+    if facts["plays"] is not None:
+        return f"version {facts['plays']} of {facts['entry']} plays"
+    return f"{facts['entry']} does not play"
+
+
+def _format_time(at_s: float) -> str:
+    return datetime.fromtimestamp(at_s, UTC).strftime("%Y-%m-%d %H:%M UTC")
