@@ -37,7 +37,7 @@ def _hash_files(spec: str) -> Iterator[bytes]:
         words = shlex.split(spec.removeprefix(PREFIX)) if spec.startswith(PREFIX) else [spec]
     except ValueError:  # whoever starts the program says so
         return
-    if spec.startswith(PREFIX) and Path(words[0]).is_absolute():
+    if spec.startswith(PREFIX) and words and Path(words[0]).is_absolute():
         words = words[1:]  # an interpreter of this machine
     for path in map(Path, words):
         if path.is_file():

@@ -106,7 +106,7 @@ def join(
     compile_kernels([*rules_of_audit, *fighter_kernels([] if program else [autopilot or policy])])
     if workers is not None:
         workers.prepare()
-    identity = load_or_make(entry_key_path(entry)) if key is None else load(key)
+    identity = load_or_make(entry_key_path(entry.partition(".")[0])) if key is None else load(key)
     settings = ClientSettings(
         endpoint=where.endpoint,
         pit=where.pit,
@@ -118,8 +118,9 @@ def join(
         patience_s=patience,
         is_patient=is_human or workers is not None,
         rules_hash=load_rules(rules).hash if rules else "",
-        identity=load_or_make(entry_key_path(entry.partition(".")[0])) if key is None else load(key),
+        identity=identity,
         invite=invite,
+        version="" if is_human else find_version(spec, identity.public),
         trust=lambda pit_key: trust(where, pit_key, None if mailbox is None else notes.append),
         authority=authority,
         on_audit=_print_verdict if audit else None,
