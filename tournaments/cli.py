@@ -10,6 +10,7 @@ from clients.commands.admin import admin
 from clients.commands.doctor import doctor
 from clients.commands.export import export_match
 from clients.commands.join import join
+from clients.commands.submit import submit
 from clients.commands.watch import watch
 from policies.cli import policies
 from policies.training.cli import train
@@ -22,6 +23,7 @@ from tournaments.commands.gauntlet import gauntlet
 from tournaments.commands.league import leaderboard, tournament
 from tournaments.commands.new import new
 from tournaments.commands.play import play
+from tournaments.commands.season import season
 from tournaments.commands.serve import serve
 from tournaments.commands.web import web
 
@@ -45,7 +47,9 @@ COMMANDS: dict[str, Command] = {
     "replay": replay,
     "restore": restore,
     "rules": rules,
+    "season": season,
     "serve": serve,
+    "submit": submit,
     "tournament": tournament,
     "train": train,
     "watch": watch,

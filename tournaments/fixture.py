@@ -18,15 +18,24 @@ def plan_fixture(
     league: str, one: str, other: str, n_pairs: int, secret: bytes, *, are_maps_fresh: bool = False
 ) -> list[MatchPlan]:
     """Return the matches of a fixture, leg by leg: `one` plays blue first, then red, on the same map unless maps are fresh."""
-    plans = []
-    for pair in range(n_pairs):
-        for leg, (blue, red) in enumerate(((one, other), (other, one))):
-            match = LeagueMatchId(league=league, one=one, other=other, pair=pair, blue=blue)
-            identity, fixture = str(match), match.fixture
-            map_key = derive_map_key(secret, f"{fixture}/{leg}" if are_maps_fresh else fixture, pair)
-            keys = MatchKeys(map_key=map_key, match_key=derive_match_key(secret, identity))
-            plans.append(MatchPlan(identity=identity, blue=blue, red=red, keys=keys))
-    return plans
+    return [
+        plan for pair in range(n_pairs) for plan in plan_pair(league, one, other, pair, secret, are_maps_fresh=are_maps_fresh)
+    ]
+
+
+def plan_pair(
+    league: str, one: str, other: str, pair: int, secret: bytes, *, are_maps_fresh: bool = False
+) -> tuple[MatchPlan, MatchPlan]:
+    """Return the two matches of a pair of a fixture; `one` and `other` stand in the order of their names."""
+
+    def plan(leg: int, blue: str, red: str) -> MatchPlan:
+        match = LeagueMatchId(league=league, one=one, other=other, pair=pair, blue=blue)
+        identity, fixture = str(match), match.fixture
+        map_key = derive_map_key(secret, f"{fixture}/{leg}" if are_maps_fresh else fixture, pair)
+        keys = MatchKeys(map_key=map_key, match_key=derive_match_key(secret, identity))
+        return MatchPlan(identity=identity, blue=blue, red=red, keys=keys)
+
+    return plan(0, one, other), plan(1, other, one)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

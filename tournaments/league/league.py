@@ -74,7 +74,14 @@ class League:
         return {name: self._sandbox(name) for name, spec in self.entries.items() if is_file_or_program(spec)}
 
     def _sandbox(self, name: str) -> Sandbox:
-        has_wall = self.has_walls and name not in self.trusted
+        return self.strangers_sandbox if name not in self.trusted else self._make_sandbox(has_wall=False)
+
+    @cached_property
+    def strangers_sandbox(self) -> Sandbox:
+        """Where a fighter runs that is a file or a program, and that nobody trusts."""
+        return self._make_sandbox(has_wall=self.has_walls)
+
+    def _make_sandbox(self, *, has_wall: bool) -> Sandbox:
         return Sandbox(has_wall=has_wall, limits=(BEHIND_A_WALL if has_wall else NO_LIMITS).with_(self.limits.assignments()))
 
     @cached_property

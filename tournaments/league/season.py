@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from arena.errors import InputError, UnknownNameError
 
@@ -17,8 +18,10 @@ _LEAST = {"final_pairs": 0}
 class SeasonTerms:
     """What a season's file says of submissions and of its end; times are seconds since 1970."""
 
-    submissions: str = ""
-    """Endpoint where authors submit, as Zenoh writes it; any free port of loopback without it."""
+    submissions: str = "tcp/127.0.0.1:7448"
+    """Endpoint where authors submit, as Zenoh writes it."""
+    page: str = ""
+    """Address of the web page that shows the season, for the links that its authors are given."""
     deadline_s: float | None = None
     """Submissions that come later are refused, and the final begins; None is never."""
     freeze_s: float | None = None
@@ -63,6 +66,8 @@ def parse_terms(given: Any, folder: Path) -> SeasonTerms:
             values[key] = _file(key, value, folder)
         elif key == "submissions":
             values[key] = _endpoint(key, value)
+        elif key == "page":
+            values[key] = _page(key, value)
         else:
             values[key] = _whole(key, value)
     return SeasonTerms(**values)
@@ -80,6 +85,14 @@ def _file(key: str, value: Any, folder: Path) -> Path:
     if not isinstance(value, str) or not (folder / value).is_file():
         raise InputError(f"says {key} = {json.dumps(value, default=str)}; it must be a file with a code on each line")
     return (folder / value).absolute()
+
+
+def _page(key: str, value: Any) -> str:
+    if not isinstance(value, str) or urlsplit(value).scheme not in ("http", "https") or not urlsplit(value).hostname:
+        raise InputError(
+            f"says {key} = {json.dumps(value, default=str)}; it must be an address such as https://arena.example.org"
+        )
+    return value
 
 
 def _endpoint(key: str, value: Any) -> str:

@@ -45,6 +45,10 @@ class Folders:
         """A folder for the process of each entry."""
         return self.data / "homes" / league
 
+    def season(self, season: str) -> Path:
+        """What was submitted to a season, and who may submit."""
+        return self.data / "seasons" / season
+
     def journals(self, league: str) -> Path:
         """A file for each match of a league."""
         return self.data / "journals" / league

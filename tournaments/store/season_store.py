@@ -5,12 +5,14 @@ withdrawn; every change of that is one transaction.
 """
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import Connection, Row, func, insert, select, update
 
+from arena.game.types import Termination
 from tournaments.league.edits import hash_definition
 from tournaments.league.versions import Version, label_of, match_versions
 from tournaments.outcome import Outcome
@@ -147,6 +149,17 @@ class SeasonStore(Store):
         rows = self._do("read", lambda connection: connection.execute(query).all())
         return [_submission(row) for row in reversed(rows)]
 
+    def find_report(self, league: StoredLeague, entry: str, number: int) -> Mapping[str, Any] | None:
+        """Return what the check found of a version; None if it was not checked."""
+        query = (
+            select(SUBMISSIONS.c.report)
+            .where(SUBMISSIONS.c.league_id == league.id, SUBMISSIONS.c.entry == entry, SUBMISSIONS.c.number == number)
+            .order_by(SUBMISSIONS.c.id.desc())
+            .limit(1)
+        )
+        report = self._do("read", lambda connection: connection.scalar(query))
+        return None if report is None else dict(json.loads(report))
+
     def refuse(self, league: StoredLeague, submission: Submission, says: str, report: Mapping[str, Any] | None = None) -> None:
         """Keep why a submission is not played."""
         values = {"state": REFUSED, "says": says, "report": None if report is None else json.dumps(report)}
@@ -225,6 +238,23 @@ class SeasonStore(Store):
         for blue, red, winner, n in self._do("read", lambda connection: connection.execute(query).all()):
             found.setdefault((blue, red), [0, 0, 0])[{"blue": 0, None: 1, "red": 2}[winner]] += n
         return {pair: (won, drawn, lost) for pair, (won, drawn, lost) in found.items()}
+
+    def count_forfeits(self, league: StoredLeague) -> dict[str, int]:
+        """Return how many matches each label has forfeited."""
+        forfeited = (MATCHES.c.league_id == league.id) & (MATCHES.c.ending == Termination.FORFEIT.name.lower())
+        sides = [
+            select(loser, func.count()).where(forfeited, MATCHES.c.winner == winner).group_by(loser)
+            for loser, winner in ((MATCHES.c.blue, "red"), (MATCHES.c.red, "blue"))
+        ]
+        found: Counter[str] = Counter()
+
+        def work(connection: Connection) -> None:
+            found.clear()
+            for side in sides:
+                found.update({row[0]: int(row[1]) for row in connection.execute(side)})
+
+        self._do("read", work)
+        return dict(found)
 
     def last_matches(self, league: StoredLeague, labels: list[str], most: int) -> list[Outcome]:
         """Return the matches in which one of these labels played that were stored last, the last first."""

@@ -14,6 +14,7 @@ from arena.network.address import Address
 from arena.network.session import free_port
 from arena.policy import MatchResult
 from arena.records.plan import MatchPlan
+from tournaments.league.entries import kind_of_file
 from tournaments.outcome import Outcome, SeatOutcome
 from tournaments.venues.bundle import pack
 from tournaments.venues.client_pool import ClientPool
@@ -39,8 +40,12 @@ def invitations(setting: VenueSetting, address: Address) -> dict[str, str]:
 
 
 def freeze(fighters: Mapping[str, Fighter]) -> dict[str, Fighter]:
-    """Return fighters such that what is edited while they play changes none that plays behind a wall."""
-    walled = {name: one.spec for name, one in fighters.items() if one.sandbox is not None and one.sandbox.has_wall}
+    """Return fighters such that what is edited while they play changes no file that plays behind a wall."""
+    walled = {
+        name: one.spec
+        for name, one in fighters.items()
+        if one.sandbox is not None and one.sandbox.has_wall and kind_of_file(one.spec) is not None
+    }
     copies = pack(walled).unpack()
     return {name: replace(one, spec=copies.get(name, one.spec)) for name, one in fighters.items()}
 

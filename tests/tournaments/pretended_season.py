@@ -1,0 +1,97 @@
+"""A season without a pit: its matches end as the strengths of who plays say, by a generator of its own."""
+
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from outcomes import ended
+
+from arena.game.types import Team, Termination
+from arena.records.plan import MatchPlan
+from tournaments.league.file import parse_league
+from tournaments.league.versions import entry_of
+from tournaments.outcome import Outcome
+from tournaments.season.runner import SeasonRunner
+from tournaments.store.season_store import SeasonStore
+from tournaments.venues.setting import Fighter
+
+FILE = """
+seed = 1
+[entries]
+rush = "rush"
+patrol = "patrol"
+random = "random"
+[season]
+"""
+LEAGUE = parse_league(FILE, "course", Path())
+SECRET = bytes(32)
+DEFINITION = {**LEAGUE.definition, "secret": "s"}
+
+
+class PretendedVenue:
+    """Ends matches in a random order, at most `most` in each call; `lose` forgets all that it was given, as if it were killed."""
+
+    def __init__(self, elo: Mapping[str, float], seed: int = 0, most: int = 8) -> None:
+        self.elo, self.most = dict(elo), most
+        self.rng = np.random.default_rng(seed)
+        self.plans: list[MatchPlan] = []
+        self.given: list[str] = []
+        self.withdrawn: set[str] = set()
+        self.broken: set[str] = set()
+        self.present: frozenset[str] = frozenset()
+
+    def add(self, entries: Mapping[str, Fighter], plans: Sequence[MatchPlan]) -> None:
+        assert {label for plan in plans for label in (plan.blue, plan.red)} <= entries.keys()
+        self.plans += plans
+        self.given += [plan.identity for plan in plans]
+
+    def withdraw(self, names: Collection[str], reason: str) -> None:
+        self.withdrawn |= set(names)
+
+    def receive(self) -> list[Outcome]:
+        self.rng.shuffle(self.plans)  # type: ignore[arg-type]  # NumPy shuffles lists in place
+        now, self.plans = self.plans[: self.most], self.plans[self.most :]
+        return [self._end(plan) for plan in now]
+
+    def _end(self, plan: MatchPlan) -> Outcome:
+        if self.broken & {plan.blue, plan.red} or self.withdrawn & {plan.blue, plan.red}:
+            return ended(plan.identity, plan.blue, plan.red, None, ending=Termination.VOID)
+        lead = self.elo[plan.blue] - self.elo[plan.red]
+        blue = 1 / (1 + 10 ** (-lead / 400))
+        drawn = 0.2 * min(blue, 1 - blue) * 2
+        at = self.rng.random()
+        winner = Team.BLUE if at < blue - drawn / 2 else None if at < blue + drawn / 2 else Team.RED
+        return ended(plan.identity, plan.blue, plan.red, winner)
+
+
+class PretendedSeason:
+    """A season in a real store, with a clock that the test sets."""
+
+    def __init__(self, url: str, folder: Path, elo: Mapping[str, float]) -> None:
+        self.store = SeasonStore(url)
+        self.folder = folder
+        self.now_s = 1_000.0
+        self.venue = PretendedVenue(elo)
+        self.row = self.store.open_season("course", DEFINITION, self.now_s)
+        self.runner = self.open()
+
+    def open(self) -> SeasonRunner:
+        """Open it, as after a kill: what the venue was in the middle of is gone."""
+        self.venue.plans.clear()
+        self.row = self.store.open_season("course", DEFINITION, self.now_s)
+        self.runner = SeasonRunner(
+            LEAGUE, self.store, self.row, SECRET, self.venue, folder=self.folder, journals=self.folder / "journals",
+            clock=lambda: self.now_s, rng=np.random.default_rng(1),
+        )  # fmt: skip
+        return self.runner
+
+    def submit(self, entry: str, digest: str, elo: float) -> str:
+        """Have somebody submit code of a strength, which is accepted; return its label."""
+        given = self.store.submit(self.row, entry=entry, owner=f"{entry}s key", digest=digest, n_bytes=1, now_s=self.now_s)
+        place = self.folder / "submissions" / digest
+        place.mkdir(parents=True, exist_ok=True)
+        (place / ".submission").write_text("bot\nbot.py\n")
+        version = self.store.accept(self.row, given, spec=f"submissions/{digest}", says="", report=None, now_s=self.now_s)
+        assert entry_of(version.label) == entry
+        self.venue.elo[version.label] = elo
+        return version.label

@@ -1,0 +1,212 @@
+"""A season that is played: newcomers first, nothing lost or counted twice, and versions apart."""
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pretended_season import PretendedSeason
+
+from arena.records.plan import LeagueMatchId
+from tournaments.league.season import SeasonTerms
+from tournaments.season.phases import Phase, find_phase
+from tournaments.season.runner import MOST_UNDER_WAY, MOST_VOID, MOST_WHEN_BUSY, REST_ELO
+
+ELO = {"rush": 100.0, "patrol": 0.0, "random": -100.0}
+
+
+@pytest.fixture
+def season(store_url: str, tmp_path: Path) -> Iterator[PretendedSeason]:
+    season = PretendedSeason(store_url, tmp_path, ELO)
+    with season.store:
+        yield season
+
+
+def play(season: PretendedSeason, n: int) -> int:
+    """Play until `n` more matches are counted, or nothing is left to be known; return how many were."""
+    counted = 0
+    while counted < n:
+        season.now_s += 10
+        counted += (new := len(season.runner.step(Phase.OPEN)))
+        if not new and not season.runner.n_under_way:
+            break
+    return counted
+
+
+def width(season: PretendedSeason, label: str) -> float:
+    rating = season.runner.table.ratings[label]
+    return rating.elo_high - rating.elo_low
+
+
+def check_books(season: PretendedSeason) -> None:
+    """Every match is stored once, and what is in memory is what is stored."""
+    identities = season.store.identities(season.row)
+    assert len(identities) == season.store.count(season.row) == season.runner.results.n_matches
+    stored = sum(sum(row) for row in season.store.count_results(season.row).values())
+    assert stored == len(identities)
+
+
+def test_a_newcomer_plays_first_until_it_is_known(season: PretendedSeason) -> None:
+    play(season, 400)
+    label = season.submit("ann", "d1", 200.0)
+    season.venue.given.clear()
+
+    play(season, 60)
+
+    met = [LeagueMatchId.parse(identity) for identity in season.venue.given]
+    assert sum(label in (match.one, match.other) for match in met) > 0.8 * len(met)
+
+
+def test_when_everybody_is_known_it_rests_until_something_changes(season: PretendedSeason) -> None:
+    while play(season, 1_000) == 1_000:
+        assert season.runner.results.n_matches < 20_000
+
+    assert max(width(season, label) for label in ELO) <= REST_ELO * 1.05
+    assert season.runner.n_under_way == 0
+    season.submit("ann", "d1", 0.0)
+    assert play(season, 10) >= 10
+
+
+def test_no_two_matches_are_one_and_no_more_are_under_way_than_may_be(season: PretendedSeason) -> None:
+    for _ in range(30):
+        season.runner.step(Phase.OPEN)
+        assert season.runner.n_under_way <= MOST_UNDER_WAY
+
+    assert max(Counter(season.venue.given).values()) == 1
+    check_books(season)
+
+
+@pytest.mark.parametrize("n_before_kill", [1, 13, 40])
+def test_a_season_that_was_killed_ends_the_pairs_that_were_begun(season: PretendedSeason, n_before_kill: int) -> None:
+    play(season, n_before_kill)
+    half = season.runner.results.halves
+
+    season.open()
+    assert season.runner.n_under_way == len(half)
+    play(season, 100)
+
+    check_books(season)
+    assert not half & season.runner.results.halves
+
+
+def test_matches_whose_journal_was_begun_are_taken_up_again(season: PretendedSeason) -> None:
+    journals = season.folder / "journals"
+    journals.mkdir()
+    (journals / "course+patrol+rush+0007+patrol-blue+0.journal").touch()
+
+    season.open()
+
+    assert sorted(season.venue.given) == ["course/patrol/rush/0007/patrol-blue/0", "course/patrol/rush/0007/rush-blue/0"]
+    assert season.runner.results.take_pair("patrol", "rush") == 8
+
+
+def test_a_new_version_takes_the_place_of_the_old_one_whose_results_and_rating_stay(season: PretendedSeason) -> None:
+    first = season.submit("ann", "d1", 0.0)
+    play(season, 100)
+    n_of_first = season.runner.results.record(first).n_matches
+    second = season.submit("ann", "d2", 300.0)
+    play(season, 300)
+
+    assert (first, second) == ("ann", "ann.2")
+    assert first in season.venue.withdrawn
+    ratings = season.runner.table.ratings
+    assert set(ratings) == {"ann.2", "patrol", "random", "rush"}
+    assert ratings["ann.2"].rank == 1
+    [kept] = [one.rating for one in season.store.versions(season.row) if one.label == "ann"]
+    assert kept is not None
+    assert kept["matches"] == n_of_first > 0
+    check_books(season)
+
+
+def test_whoever_goes_back_to_earlier_code_is_known_at_once(season: PretendedSeason) -> None:
+    first = season.submit("ann", "d1", 0.0)
+    play(season, 300)
+    before = width(season, first)
+    season.submit("ann", "d2", 0.0)
+    play(season, 20)
+    entry = season.store.find_entry(season.row, "ann")
+    assert entry is not None
+    season.store.play_version(season.row, entry, 1)
+    season.runner.step(Phase.OPEN, may_choose=False)
+
+    assert width(season, first) < before * 1.2
+
+
+def test_a_version_whose_matches_are_void_again_and_again_disturbs_nobody(season: PretendedSeason) -> None:
+    label = season.submit("ann", "d1", 0.0)
+    season.venue.broken.add(label)
+
+    play(season, 200)
+
+    assert season.runner.suspended == [label]
+    assert season.runner.results.record(label).n_matches == 0
+    assert season.runner.results.n_matches >= 200
+    assert sum(label in identity for identity in season.venue.given) <= MOST_UNDER_WAY + 2 * MOST_VOID
+    season.venue.broken.clear()
+    assert season.submit("ann", "d2", 0.0) == "ann.2"
+    play(season, 50)
+    assert season.runner.results.record("ann.2").n_matches > 0
+
+
+def test_an_entry_that_joins_by_itself_is_chosen_while_it_is_there(season: PretendedSeason) -> None:
+    key = "key:" + "A" * 42 + "E"
+    given = season.store.submit(season.row, entry="far", owner="k", digest="d", n_bytes=0, now_s=1.0)
+    season.store.accept(season.row, given, spec=key, says="", report=None, now_s=1.0)
+    season.venue.elo["far"] = 0.0
+    play(season, 50)
+    assert season.runner.results.record("far").n_matches == 0
+
+    season.venue.present = frozenset({"far"})
+    play(season, 50)
+
+    assert season.runner.results.record("far").n_matches > 0
+
+
+def test_no_more_think_at_once_than_the_cores_have_time_for(season: PretendedSeason) -> None:
+    for name in ("ann", "bob"):
+        report = {"times": {"median_ms": 100.0}}
+        given = season.store.submit(season.row, entry=name, owner=name, digest=name, n_bytes=1, now_s=1.0)
+        season.store.accept(season.row, given, spec=f"key:{'A' * 42}E", says="", report=report, now_s=1.0)
+        season.venue.elo[name] = 0.0
+    season.venue.present = frozenset({"ann", "bob"})
+    season.venue.most = 0
+
+    season.runner.step(Phase.OPEN)
+
+    think_s = sum(0.1 * (name in identity) for identity in season.venue.given for name in ("/ann/", "/bob/"))
+    assert 0 < think_s <= 0.5  # half of the turn time, on one core
+    assert len(season.venue.given) < MOST_UNDER_WAY
+
+
+def test_while_submissions_are_checked_little_is_played_beside(season: PretendedSeason) -> None:
+    season.venue.most = 0
+    for _ in range(5):
+        season.runner.step(Phase.OPEN, is_busy=True)
+
+    assert season.runner.n_under_way == MOST_WHEN_BUSY
+
+
+def test_the_public_table_stands_still_while_the_season_is_frozen(season: PretendedSeason) -> None:
+    play(season, 40)
+    before = season.store.standings(season.row)
+    season.now_s += 100
+    while len(season.runner.step(Phase.FROZEN)) < 1:
+        season.now_s += 10
+    season.now_s += 100
+    season.runner.step(Phase.FROZEN)
+    frozen = season.store.standings(season.row)
+
+    assert before is not None
+    assert frozen is not None
+    assert frozen["rows"] == before["rows"]
+    assert (before["phase"], frozen["phase"]) == ("open", "frozen")
+
+
+def test_phases_follow_the_terms_and_the_final_waits_for_what_came_in_time() -> None:
+    terms = SeasonTerms(deadline_s=100.0, freeze_s=50.0)
+    at = [(0.0, 0, False), (60.0, 0, False), (101.0, 2, False), (101.0, 0, False), (101.0, 0, True)]
+
+    assert [find_phase(terms, now_s, n_waiting=n, is_closed=closed).value for now_s, n, closed in at] == [
+        "open", "frozen", "frozen", "final", "over",
+    ]  # fmt: skip
+    assert find_phase(SeasonTerms(), 1e12, n_waiting=0, is_closed=False) is Phase.OPEN

@@ -1,0 +1,257 @@
+"""Play a season: choose what tells most about its table, play it, count it, and rate everybody anew, for months.
+
+Whatever is stored follows from journals that are whole. So a season may be killed at any moment: whoever opens it again takes up
+the matches that were begun, reads the results that were not stored yet, and counts none twice.
+"""
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arena.game.types import Termination
+from arena.records.journal import identity_of
+from arena.records.plan import LeagueMatchId, MatchPlan
+from tournaments.fixture import plan_pair
+from tournaments.intervals import Z95
+from tournaments.league.league import League
+from tournaments.outcome import Outcome
+from tournaments.ratings.standings import Standing
+from tournaments.reports.season_table import describe_season
+from tournaments.running.slots import SHARE
+from tournaments.season.choosing import NEWCOMER_ELO, choose_pairs
+from tournaments.season.phases import Phase
+from tournaments.season.results import Results, n_pairs_of
+from tournaments.season.roster import Roster, read_roster
+from tournaments.season.table import Table, rate_season
+from tournaments.store.season_store import SeasonStore
+from tournaments.store.store import StoredLeague
+from tournaments.venues.open_venue import OpenVenue
+
+MOST_UNDER_WAY, LEAST_UNDER_WAY = 32, 12
+"""Matches: when fewer than the second are under way, pairs are chosen up to the first."""
+LEAST_WHEN_BUSY, MOST_WHEN_BUSY = 4, 8
+"""The same while submissions are checked, whose turns are timed."""
+REST_ELO = 40.0
+"""When everybody's 95% interval is as narrow as this, nothing is played until something changes."""
+MOST_VOID = 4
+"""Void matches of a version without any that counts in between; it is played no more."""
+RATE_EVERY_S = 1.0
+"""At most; and rating takes no more than the next share of the time."""
+MOST_RATING = 0.1
+logger = logging.getLogger(__name__)
+
+
+class SeasonRunner:
+    """Plays a season whose lock is held, a step at a time.
+
+    Parameters
+    ----------
+    folder
+        Of the season, where its submissions are.
+    journals
+        Folder of its journals.
+    clock
+        Returns the time, in seconds since 1970.
+    rng
+        Chooses between pairs that tell the same; nobody may know it before.
+    think_s
+        What a turn of the entries of its file takes, by label, as far as it was measured.
+    n_cores
+        That matches are played on.
+    """
+
+    def __init__(
+        self, league: League, store: SeasonStore, row: StoredLeague, secret: bytes, venue: OpenVenue, *,
+        folder: Path, journals: Path, clock: Callable[[], float], rng: np.random.Generator,
+        think_s: Mapping[str, float] | None = None, n_cores: int = 1,
+    ) -> None:  # fmt: skip
+        self._league, self._store, self._secret, self._venue = league, store, secret, venue
+        self._folder, self._journals, self._clock, self._rng = folder, journals, clock, rng
+        self.row = row
+        self.results = Results(store.count_results(row), stored := store.identities(row), store.count_forfeits(row))
+        self.roster: Roster = read_roster(store, row, league, folder, think_s or {})
+        turn_time_s = league.time_control.turn_time_s
+        self._most_thinking_s = inf if turn_time_s is None else SHARE * turn_time_s * n_cores
+        self.table: Table = rate_season(self.results, self.roster.labels, self.roster.follows)
+        self._plans: dict[str, MatchPlan] = {}
+        self._n_void: Counter[str] = Counter()
+        self._rated_at_s, self._rate_every_s = 0.0, RATE_EVERY_S
+        self._is_rated = False
+        self.n_waiting = 0
+        """Submissions that wait for their check, as the page shows it."""
+        self._resume(stored)
+
+    @property
+    def n_under_way(self) -> int:
+        """Matches that were given to the venue and have not ended."""
+        return len(self._plans)
+
+    @property
+    def suspended(self) -> list[str]:
+        """The labels that are played no more, since their matches were void again and again."""
+        return sorted(label for label in self.roster.entries if self._n_void[label] >= MOST_VOID)
+
+    def step(self, phase: Phase, *, may_choose: bool = True, is_busy: bool = False) -> list[Outcome]:
+        """Do what is to be done now, and return the matches that were counted.
+
+        Parameters
+        ----------
+        may_choose
+            Whether new pairs may begin; else only what is under way is played.
+        is_busy
+            Whether the machine has something else to do, too.
+        """
+        self._refresh()
+        least, most = (LEAST_WHEN_BUSY, MOST_WHEN_BUSY) if is_busy else (LEAST_UNDER_WAY, MOST_UNDER_WAY)
+        if may_choose and self.n_under_way < least:
+            self._choose(most)
+        counted = [outcome for outcome in self._venue.receive() if self._count(outcome)]
+        now_s = self._clock()
+        if not self._is_rated and (now_s - self._rated_at_s >= self._rate_every_s or not self._plans):
+            self.table = self._rate()
+            self.publish(phase)
+            self._is_rated, self._rated_at_s = True, now_s
+        return counted
+
+    def publish(self, phase: Phase) -> None:
+        """Keep the table for the pages; while a season is frozen, the rows that were kept before."""
+        before = self._store.standings(self.row)
+        document = self._describe(phase)
+        if phase is Phase.FROZEN and before is not None:
+            document = {**document, "rows": before["rows"], "matches": before["matches"]}
+        self._store.put_standings(self.row, document, self._clock())
+
+    def _describe(self, phase: Phase) -> dict[str, Any]:
+        terms, table = self._league.season, self.table
+        rows = [
+            Standing(
+                name=label,
+                rating=rating,
+                record=self.results.record(label),
+                faults={},
+                forfeits=self.results.forfeits[label],
+                latency=None,
+            )
+            for label, rating in table.ratings.items()
+        ]
+        return describe_season(
+            self.row.name,
+            sorted(rows, key=lambda row: (row.rating.rank, row.name)),
+            phase=phase.value,
+            deadline_s=None if terms is None else terms.deadline_s,
+            new=[row.name for row in rows if row.rating.elo_high - row.rating.elo_low > NEWCOMER_ELO],
+            n_matches=self.results.n_matches,
+            n_waiting=self.n_waiting,
+            n_playing=self.n_under_way,
+            now_s=self._clock(),
+        )
+
+    def _refresh(self) -> None:
+        """Notice versions that came, and entries that went."""
+        row = self._store.get(self.row.name)
+        if row.hash == self.row.hash:
+            return
+        before, table = self.roster, self.table
+        self.row, self.roster = row, read_roster(self._store, row, self._league, self._folder, before.think_s)
+        gone = set(before.entries) - set(self.roster.entries)
+        for label in gone & table.ratings.keys():
+            rating, entry = table.ratings[label], before.entries[label]
+            found = {key: getattr(rating, key) for key in ("elo", "elo_low", "elo_high")}
+            found["matches"] = self.results.record(label).n_matches
+            self._store.keep_rating(row, entry.entry, entry.number, found)
+        if gone:
+            self._venue.withdraw(gone, "another version plays")
+        self.table, self._is_rated = self._rate(), False
+
+    def _rate(self) -> Table:
+        """Rate everybody anew; what takes long is done less often."""
+        begun_s = time.perf_counter()
+        table = rate_season(self.results, self.roster.labels, self.roster.follows, self.table)
+        self._rate_every_s = max(RATE_EVERY_S, (time.perf_counter() - begun_s) / MOST_RATING)
+        return table
+
+    def _count(self, outcome: Outcome) -> bool:
+        """Store a match that ended; False if it was void, or stored before."""
+        plan = self._plans.pop(outcome.identity, None)
+        if plan is None:
+            return False
+        labels = (outcome.blue, outcome.red)
+        if outcome.result.ending is Termination.VOID:
+            self._n_void.update(labels)
+            if all(label in self.roster.entries and self._n_void[label] < MOST_VOID for label in labels):
+                self._add([plan])
+            return False
+        for label in labels:
+            self._n_void.pop(label, None)
+        if self._store.add(self.row, outcome):
+            self.results.add(outcome)
+            self._is_rated = False
+            return True
+        return False
+
+    def _choose(self, most: int) -> None:
+        """Give the venue the pairs that tell most, until so many matches are under way, or so many that nobody is made late."""
+        away = {
+            label for label, fighter in self.roster.fighters.items()
+            if fighter.public_key is not None and label not in self._venue.present
+        }  # fmt: skip
+        labels = [label for label in self.table.labels if label not in away and label not in self.suspended]
+        if len(labels) < 2:
+            return
+        known = self.table.part(labels)
+        if self._is_known(known.centred[1]):
+            return
+        index = {label: number for number, label in enumerate(labels)}
+        under_way = {tuple(LeagueMatchId.parse(identity).pair_id.split("/")[1:]) for identity in self._plans}
+        players = [player for player in self.roster.players() if player.label in index]
+        n_wanted = (most - self.n_under_way) // 2
+        chosen = choose_pairs(
+            players, known, n_pairs_of(self.results.table(labels)), n_wanted, self._rng,
+            [(index[one], index[other]) for one, other, _ in sorted(under_way) if {one, other} <= index.keys()],
+        )  # fmt: skip
+        for pair in chosen:
+            one, other = sorted((labels[pair[0]], labels[pair[1]]))
+            if self._plans and self._thinking_s + 2 * self._think_s(one, other) > self._most_thinking_s:
+                return
+            self._add(self._plan(one, other, self.results.take_pair(one, other)))
+
+    @property
+    def _thinking_s(self) -> float:
+        """What a turn of all matches that are under way takes together, in seconds of a core."""
+        return sum(self._think_s(plan.blue, plan.red) for plan in self._plans.values())
+
+    def _think_s(self, *labels: str) -> float:
+        return sum(self.roster.think_s.get(label, 0.0) for label in labels)
+
+    def _is_known(self, covariance: np.ndarray[Any, Any]) -> bool:
+        """Whether the strengths are known well enough."""
+        return bool(2 * Z95 * np.sqrt(np.diag(covariance).max()) <= REST_ELO)
+
+    def _plan(self, one: str, other: str, number: int) -> tuple[MatchPlan, MatchPlan]:
+        league = self._league
+        return plan_pair(league.name, one, other, number, self._secret, are_maps_fresh=league.maps == "fresh")
+
+    def _add(self, plans: Sequence[MatchPlan]) -> None:
+        labels = set(chain.from_iterable((plan.blue, plan.red) for plan in plans))
+        for plan in plans:
+            self._plans[plan.identity] = plan
+        self._venue.add({label: self.roster.fighters[label] for label in labels}, plans)
+
+    def _resume(self, stored: set[str]) -> None:
+        """Take up the pairs that were begun, as far as their versions still play."""
+        begun = {identity_of(path.name) for path in self._journals.glob("*.journal")} - stored
+        pairs = {LeagueMatchId.parse(identity).pair_id for identity in begun} | self.results.halves
+        for pair in sorted(pairs):
+            _, one, other, number = pair.split("/")
+            self.results.skip_pair(one, other, int(number))
+            if one in self.roster.entries and other in self.roster.entries:
+                self._add([plan for plan in self._plan(one, other, int(number)) if plan.identity not in stored])
+        if begun:
+            logger.info("%d matches of season %s were begun before", len(begun), self.row.name)

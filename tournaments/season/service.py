@@ -1,0 +1,244 @@
+"""A season in one process: what is submitted comes in at a router of its own, is checked behind walls, and plays in its venue.
+
+author -- router --> Desk --> submissions --> Intake --> versions --> SeasonRunner --> venue
+                              (in the store)  (a thread)              (this thread)
+"""
+
+import logging
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+
+from arena.keyring.files import load_or_make
+from arena.network.address import Address
+from arena.network.session import open_router
+from arena.pit.register import Register, read_invites
+from arena.protocol.identity import Identity
+from tournaments.league.league import League, LeagueError
+from tournaments.league.secret import commit_to, find_secret
+from tournaments.outcome import Outcome
+from tournaments.running.scheduler import Folders, Scheduler
+from tournaments.running.slots import MOST as MOST_SLOTS
+from tournaments.season.desk import Desk
+from tournaments.season.final import make_final
+from tournaments.season.intake import CheckTerms, Intake
+from tournaments.season.owners import OwnerRequests
+from tournaments.season.phases import Phase, find_phase
+from tournaments.season.runner import SeasonRunner
+from tournaments.season.submitted import SubmittedFolder
+from tournaments.store.lock import lock_file
+from tournaments.store.season_store import WAITING, SeasonEntry, SeasonStore
+from tournaments.venues.open_venue import open_venue
+from tournaments.venues.setting import VenueSetting
+from tournaments.venues.table import find_venue
+
+_LOOK_S = 1.0
+"""Between two looks at what waits."""
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeasonEvents:
+    """Whom a season tells how it goes; all are called on the thread that runs it."""
+
+    on_open: Callable[[Address], None] = lambda _: None
+    """Told where authors submit."""
+    on_phase: Callable[[Phase], None] = lambda _: None
+    on_invitation: Callable[[Mapping[str, str]], None] = lambda _: None
+    """Told with which command each entry joins that comes by itself, where that is known."""
+
+
+@dataclass(slots=True, kw_only=True)
+class SeasonState:
+    """What a monitor is told of a season; replaced as a whole by the thread that runs it."""
+
+    n_matches: int = 0
+    n_playing: int = 0
+    n_waiting: int = 0
+    endings: dict[str, int] = field(default_factory=dict)
+    """Of the matches that ended since it was opened."""
+    n_ticks: int = 0
+    looked_at_s: float = field(default_factory=time.monotonic)
+    """When its thread last did something, by the monotonic clock."""
+
+
+class Season:
+    """A season that is run; holds its locks from `with` to the end.
+
+    Parameters
+    ----------
+    think_s
+        What a turn of each of its file's entries takes, as far as it was measured.
+    clock
+        Seconds since 1970.
+    """
+
+    def __init__(
+        self,
+        league: League,
+        store: SeasonStore,
+        folders: Folders,
+        *,
+        events: SeasonEvents,
+        think_s: Mapping[str, float],
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        if league.season is None:
+            raise LeagueError(
+                f"league {league.name} is no season; write [season] into its file, or play it: arena tournament run"
+            )
+        self._league, self._terms, self._store, self._folders = league, league.season, store, folders
+        self._events, self._clock, self._think_s = events, clock, think_s
+        self._folder = folders.season(league.name)
+        self._locks = ExitStack()
+        self.state = SeasonState()
+        self._phase: Phase | None = None
+
+    def __enter__(self) -> Self:
+        league, store = self._league, self._store
+        with self._locks as locks:
+            locks.enter_context(store.lock(league.name))
+            locks.enter_context(lock_file(self._folders.journals(league.name).with_suffix(".lock"), league.name))
+            self._secret = find_secret(league, self._folders.keys, may_make=store.find(league.name) is None)
+            definition = {**league.definition, "secret": commit_to(self._secret)}
+            self.row = store.open_season(league.name, definition, self._clock())
+            self._locks = locks.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._locks.close()
+
+    def run(self, venue: str, is_stopped: Callable[[], bool]) -> Iterator[Outcome]:
+        """Play until the season is over, or stopped; yield each match once it is stored.
+
+        Raises
+        ------
+        ArenaError
+            The venue, the store, or what takes submissions cannot go on.
+        """
+        if self.row.secret is not None:
+            self._enter_phase(Phase.OVER)
+            return
+        with self._submissions(venue) as (desk, intake):
+            yield from self._play(venue, is_stopped, desk, intake)
+            if is_stopped():
+                return
+            self._enter_phase(Phase.FINAL)
+            yield from self._play_final(venue, is_stopped)
+
+    @contextmanager
+    def _submissions(self, venue: str) -> Iterator[tuple[Desk, Intake]]:
+        """Take submissions, and check them."""
+        league, terms, store = self._league, self._terms, self._store
+        identity = load_or_make(self._folders.keys / league.name / "season.key")
+        folder = SubmittedFolder(self._folder)
+        check = CheckTerms(
+            ruleset=league.ruleset,
+            time_control=league.time_control,
+            limits=league.strangers_sandbox.limits,
+            has_wall=league.has_walls,
+            most_bytes=terms.most_kb * 1_000,
+        )
+        intake = Intake(store, self.row, folder, check, clock=self._clock)
+        invites = None if terms.invites is None else read_invites(terms.invites)
+        owners = OwnerRequests(
+            store, self.row, terms, folder, self._folders.journals(league.name),
+            Register(self._folder / "register.json", invites),
+            clock=self._clock, on_submission=intake.wake, on_change=lambda: None, describe=self._describe_entry,
+            why_not_remote=_why_not_remote(league, venue),
+        )  # fmt: skip
+        address = Address(endpoint=terms.submissions, pit=league.name, fingerprint=identity.fingerprint)
+        with open_router(address.endpoint, address.pit) as session, intake, self._desk(session, identity, owners) as desk:
+            self._events.on_open(address)
+            yield desk, intake
+
+    def _desk(self, session: Any, identity: Identity, owners: OwnerRequests) -> Desk:
+        return Desk(session, self._league.name, identity, owners)
+
+    def _describe_entry(self, entry: SeasonEntry) -> dict[str, Any]:
+        """Return what the owner of an entry is told beside its own versions: where it stands, and where its page is."""
+        table = self._store.standings(self.row)
+        rows = [] if table is None else [row for row in table["rows"] if row["label"] == entry.label]
+        return {"standing": rows[0] if rows else None, "page": self._terms.page}
+
+    def _play(self, venue: str, is_stopped: Callable[[], bool], desk: Desk, intake: Intake) -> Iterator[Outcome]:
+        """Play the season itself, until its final is to begin and nothing is under way any more."""
+        league, folders = self._league, self._folders
+        setting = VenueSetting(
+            ruleset=league.ruleset, entries={}, time_control=league.time_control, slots=league.slots or MOST_SLOTS,
+            journals=folders.journals(league.name), keys=folders.keys / league.name, homes=folders.homes(league.name),
+            listen=league.listen,
+        )  # fmt: skip
+        with open_venue(venue, setting) as pit:
+            runner = SeasonRunner(
+                league, self._store, self.row, self._secret, pit, folder=self._folder, journals=setting.journals,
+                clock=self._clock, rng=np.random.default_rng(int.from_bytes(os.urandom(16), "big")),
+                think_s=self._think_s, n_cores=len(os.sched_getaffinity(0)),
+            )  # fmt: skip
+            next_look_s = 0.0
+            phase = Phase.OPEN
+            while not is_stopped():
+                now_s = time.monotonic()
+                if now_s >= next_look_s:
+                    next_look_s = now_s + _LOOK_S
+                    for part in (desk, intake):
+                        if part.failure is not None:
+                            raise part.failure
+                    runner.n_waiting = len(self._store.submissions(self.row, state=WAITING))
+                    phase = find_phase(self._terms, self._clock(), n_waiting=runner.n_waiting, is_closed=False)
+                    if phase is not self._phase and phase is not Phase.FINAL:
+                        self._enter_phase(phase)
+                        runner.publish(phase)
+                if phase is Phase.FINAL and not runner.n_under_way:
+                    break
+                for outcome in runner.step(phase, may_choose=phase is not Phase.FINAL, is_busy=intake.is_checking):
+                    self._count(outcome)
+                    yield outcome
+                self._note(runner)
+            self.row, self._roster = runner.row, runner.roster
+            self._publish = runner.publish
+
+    def _play_final(self, venue: str, is_stopped: Callable[[], bool]) -> Iterator[Outcome]:
+        """Play the final, and publish the secrets of both."""
+        store = self._store
+        self._publish(Phase.FINAL)
+        if self._terms.final_pairs and len(self._roster.entries) > 1:
+            with Scheduler(make_final(self._league, self._roster), store, self._folders) as scheduler:
+                for outcome in scheduler.run(
+                    find_venue(venue), self._events.on_invitation, slots=self._league.slots or MOST_SLOTS
+                ):
+                    self._count(outcome)
+                    yield outcome
+                    if is_stopped():
+                        return
+                store.close(scheduler.row, scheduler.secret)
+        self.row = store.close(self.row, self._secret)
+        self._publish(Phase.OVER)
+        self._enter_phase(Phase.OVER)
+
+    def _enter_phase(self, phase: Phase) -> None:
+        self._phase = phase
+        self._events.on_phase(phase)
+
+    def _count(self, outcome: Outcome) -> None:
+        ending = outcome.result.ending.name.lower()
+        self.state.endings = {**self.state.endings, ending: self.state.endings.get(ending, 0) + 1}
+        self.state.n_ticks += outcome.result.ticks
+
+    def _note(self, runner: SeasonRunner) -> None:
+        self.state.n_matches, self.state.n_playing = runner.results.n_matches, runner.n_under_way
+        self.state.n_waiting, self.state.looked_at_s = runner.n_waiting, time.monotonic()
+
+
+def _why_not_remote(league: League, venue: str) -> str:
+    """Return why no entry of a season can join by itself, or nothing."""
+    if venue != "network":
+        return "this season plays where nobody joins by itself; submit the bot without --remote"
+    if league.maps != "fresh":
+        return "this season plays each map twice, which who joins by itself may remember; submit the bot without --remote"
+    return ""
