@@ -85,16 +85,13 @@ def submit(
                 _print_log(season, as_json=as_json)
             else:
                 command = "remote" if remote else "withdraw" if withdraw else "roll-back"
-                _print_answer(season.ask(command, number=roll_back or 0).text, as_json=as_json)
+                answer = season.ask(command, number=roll_back or 0)
+                if as_json:
+                    print_json({"ok": True, "says": answer.text, **answer.facts})
+                else:
+                    say(answer.text, *([f"it joins with: {answer.facts['join']}"] if answer.facts.get("join") else []))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise UnreadableError(f"the season tells of {entry} in a way that this arena does not read ({error!r})") from error
-
-
-def _print_answer(text: str, *, as_json: bool) -> None:
-    if as_json:
-        print_json({"ok": True, "says": text})
-    else:
-        say(text)
 
 
 def _name_of(bot: str) -> str:
@@ -142,7 +139,10 @@ def _print_status(facts: Mapping[str, Any], *, as_json: bool) -> None:
     if queue is not None:
         say(f"{entry} waits for its check, as number {queue} of the queue")
     say(f"{entry} does not play" if plays is None else f"version {plays} of {entry} plays")
-    if standing:
+    n_matches = sum(standing[key] for key in ("wins", "draws", "losses")) if standing else 0
+    if standing and not n_matches:
+        say("it has played no match yet")
+    elif standing:
         around = f"95% from {standing['elo_low']:.0f} to {standing['elo_high']:.0f}"
         record = f"{standing['wins']} won, {standing['draws']} drawn, {standing['losses']} lost"
         say(f"it is number {standing['rank']} with {standing['elo']:.0f} Elo ({around}): {record}")
@@ -157,8 +157,9 @@ def _print_status(facts: Mapping[str, Any], *, as_json: bool) -> None:
     )
     for match in facts.get("matches", ()):
         say(f"{match['label']} against {match['opponent']}: {match['how']}")
-    if facts.get("page"):
-        say(f"its page: {facts['page']}")
+    for what, key in (("it joins with", "join"), ("its page", "page")):
+        if facts.get(key):
+            say(f"{what}: {facts[key]}")
 
 
 def _version_row(version: Mapping[str, Any]) -> tuple[object, ...]:

@@ -54,6 +54,7 @@ def web(
     from clients.web.pit import PitClient
     from clients.web.play import BrowserSeats
     from tournaments.reports.web_leagues import Leagues
+    from tournaments.reports.web_seasons import Seasons
 
     with needs("web", "arena web"):
         import uvicorn
@@ -87,6 +88,7 @@ def web(
     settings = WebSettings(
         pit=client,
         leagues=Leagues(folder, db),
+        seasons=Seasons(folder, db),
         players=BrowserSeats(make_settings) if play or (play is None and host in LOOPBACK) else None,
         names=names,
     )

@@ -75,6 +75,8 @@ class Intake:
         folder.clear([(one.entry, one.digest) for one in waiting], {one.spec for one in store.versions(league)})
         self._news, self._is_over = Event(), Event()
         self._thread = Thread(target=self._run, name="checks submissions", daemon=True)
+        self.is_checking = False
+        """Whether a fighter is tried just now."""
         self.failure: BaseException | None = None
         """Why it checks no more."""
 
@@ -118,7 +120,11 @@ class Intake:
             self._refuse(one, str(error), None)
             return True
         with self._folder.unpacked(submission) as folder:
-            report, says = self._check(one, folder)
+            self.is_checking = True
+            try:
+                report, says = self._check(one, folder)
+            finally:
+                self.is_checking = False
             if self._store.submission(self._league, one.id).state != WAITING:
                 self._folder.forget(one.entry, one.digest)
             elif report is not None and report.is_accepted:

@@ -54,7 +54,9 @@ class OwnerRequests:
     on_change
         Called when an entry plays another version, or none.
     describe
-        Returns what else the season tells the owner of an entry: its rating, its place, its page.
+        Returns what else the season tells the owner of an entry: its place in the table, its page, where it joins.
+    why_not_remote
+        Why no entry may play from its owner's machine; nothing if it may.
     """
 
     def __init__(
@@ -70,9 +72,11 @@ class OwnerRequests:
         on_submission: Callable[[], None],
         on_change: Callable[[], None],
         describe: Callable[[SeasonEntry], Mapping[str, Any]] = lambda _: {},
+        why_not_remote: str = "",
     ) -> None:
         self._store, self._league, self._terms, self._folder, self._logs = store, league, terms, folder, logs
         self._register, self._clock, self._describe = register, clock, describe
+        self._why_not_remote = why_not_remote
         self._on_submission, self._on_change = on_submission, on_change
         self._most_bytes = terms.most_kb * 1_000
         self._uploads = Uploads(self._most_bytes)
@@ -135,6 +139,8 @@ class OwnerRequests:
         return SeasonAnswer(text=f"it waits for its check{after}", offset=len(came), facts={"submission": kept.id})
 
     def _play_remotely(self, request: SeasonRequest, now_s: float) -> Message:
+        if self._why_not_remote:
+            raise InputError(self._why_not_remote)
         self._check_may_submit(request)
         spec = REMOTE + to_text(request.entry)
         digest = sha256(spec.encode()).hexdigest()
@@ -144,7 +150,10 @@ class OwnerRequests:
             self._league, kept, spec=spec, says="it plays from its owner's machine", report=None, now_s=self._clock()
         )
         self._on_change()
-        return SeasonAnswer(text=f"version {version.number} of {request.name} plays as soon as it joins")
+        entry = self._store.find_entry(self._league, request.name)
+        join = "" if entry is None else self._describe(entry).get("join", "")
+        text = f"version {version.number} of {request.name} plays as soon as it joins"
+        return SeasonAnswer(text=text, facts={"join": join} if join else {})
 
     def _submit(self, request: SeasonRequest, digest: str, n_bytes: int) -> Submission:
         return self._store.submit(
