@@ -33,6 +33,8 @@ from sqlalchemy.exc import ArgumentError, DBAPIError
 
 from arena.errors import InputError
 
+_LABEL = String(64).with_variant(String(72), "postgresql")
+"""Of a version: once it was the name of an entry. SQLite does not mind how long a text is, and kept its table."""
 METADATA = MetaData()
 """What the last of `migrations/versions/` leads to."""
 LEAGUES = Table(
@@ -51,8 +53,8 @@ MATCHES = Table(
     Column("id", Integer, primary_key=True),
     Column("league_id", ForeignKey("leagues.id"), nullable=False, index=True),
     Column("identity", String(300), nullable=False, unique=True),
-    Column("blue", String(72), nullable=False),
-    Column("red", String(72), nullable=False),
+    Column("blue", _LABEL, nullable=False),
+    Column("red", _LABEL, nullable=False),
     Column("ending", String(16), nullable=False),
     Column("winner", String(4)),
     Column("score", Integer, nullable=False),

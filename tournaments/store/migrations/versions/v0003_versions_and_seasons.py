@@ -11,10 +11,10 @@ down_revision = "0002"
 
 def upgrade() -> None:
     """Lay the tables, make room for labels, and enter the versions of leagues that are there."""
-    with op.batch_alter_table("matches") as matches:
-        for side in ("blue", "red"):
-            matches.alter_column(side, existing_type=sa.String(64), type_=sa.String(72), existing_nullable=False)
-            matches.create_index(f"ix_matches_{side}", ["league_id", side])
+    for side in ("blue", "red"):
+        if op.get_bind().dialect.name == "postgresql":  # SQLite does not mind how long a text is
+            op.alter_column("matches", side, existing_type=sa.String(64), type_=sa.String(72), existing_nullable=False)
+        op.create_index(f"ix_matches_{side}", "matches", ["league_id", side])
     versions = op.create_table(
         "versions",
         sa.Column("id", sa.Integer, primary_key=True),
