@@ -1,16 +1,22 @@
-"""Compiling what fighters need, before anybody waits for it."""
+"""Compiling what fighters need, before anybody waits for it.
+
+A stranger's process imports this, one for each match of each seat: the compiler is imported where something is compiled.
+"""
 
 from collections.abc import Iterable
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arena.compiling import Kernel
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from arena.policy import BatchFactory, BatchPolicy
 from arena.protocol.observation_codec import ObservationReader
 from policies.registry import CHECKPOINT, OWN, REFERENCES, load, shipped
+
+if TYPE_CHECKING:
+    from arena.compiling import Kernel
 
 _FIRST_S = {"BelievingPolicy": 38.0, "UnitByUnit": 6.0}
 """What the first fighter of a family takes to compile; it compiles what they share."""
@@ -35,11 +41,13 @@ def _is_ours(make: BatchFactory) -> bool:
     return getattr(make, "is_ours", False)
 
 
-def fighter_kernels(specs: Iterable[str]) -> list[Kernel]:
+def fighter_kernels(specs: Iterable[str]) -> "list[Kernel]":
     """Return the kernels of those fighters that are ours, scripts and networks; `policies.registry` knows them by these names.
 
     Those of a checkpoint are those of our own networks: a stranger's file is not read here.
     """
+    from arena.compiling import Kernel
+
     kernels, families = [], set()
     ours = (name for spec in specs for name in (shipped() if spec.endswith(CHECKPOINT) else (spec,)))
     for spec in sorted(dict.fromkeys(ours), key=_is_network):

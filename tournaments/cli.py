@@ -10,6 +10,7 @@ from clients.commands.admin import admin
 from clients.commands.doctor import doctor
 from clients.commands.export import export_match
 from clients.commands.join import join
+from clients.commands.submit import submit
 from clients.commands.watch import watch
 from policies.cli import policies
 from policies.training.cli import train
@@ -48,6 +49,7 @@ COMMANDS: dict[str, Command] = {
     "rules": rules,
     "season": season,
     "serve": serve,
+    "submit": submit,
     "tournament": tournament,
     "train": train,
     "watch": watch,

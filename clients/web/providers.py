@@ -1,4 +1,4 @@
-"""What the pages show that no client knows by itself, the leagues and ladders of a store: whoever starts the server brings it."""
+"""What the pages show that no client knows by itself, leagues, ladders and seasons: whoever starts the server brings it."""
 
 from typing import Any, Protocol
 
@@ -23,3 +23,19 @@ class Leagues(Protocol):
 
     def ladder(self, name: str) -> dict[str, Any]:
         """Return the standings of a ladder, as `arena leaderboard --ladder --json` prints them, and its `leaderboard`."""
+
+
+class Seasons(Protocol):
+    """The seasons of a store, the one that was run last first."""
+
+    def names(self) -> list[str]:
+        """Return the names of all seasons; none if there is no store."""
+
+    def season(self, name: str) -> dict[str, Any]:
+        """Return the table of a season as it was kept last, and its rows as `leaderboard`."""
+
+    def entry(self, name: str, entry: str) -> dict[str, Any]:
+        """Return what everyone may know of an entry of a season: its versions, its last matches, its best and worst opponents."""
+
+    def own(self, name: str, entry: str, token: str) -> dict[str, Any]:
+        """Return what the owner of an entry alone may see of it, to whoever brings the owner's token."""

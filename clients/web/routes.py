@@ -11,6 +11,7 @@ from functools import cache
 from html import escape
 from pathlib import Path
 
+from arena.protocol.page_token import TOKEN_HEADER
 from clients.web.guard import EMBEDDED
 
 ASSETS = Path(__file__).parent / "assets"
@@ -36,6 +37,8 @@ PAGES = (
     Page(path="/play", script="play.js", link="Play"),
     Page(path="/league", script="league.js", link="Leaderboard"),
     Page(path="/league/head-to-head", script="head_to_head.js"),
+    Page(path="/seasons/{season}", script="season.js"),
+    Page(path="/seasons/{season}/{entry}", script="entry.js"),
     Page(path="/rules", script="rules.js", link="Rules"),
 )
 ABSENT = Page(path="", script="absent.js")
@@ -51,6 +54,13 @@ QUESTIONS = {
     "league_replay": "/api/league/replay",
 }
 """What a page may ask for as JSON, by the name of the handler."""
+SEASONS = {
+    "seasons": "/api/seasons",
+    "season": "/api/season",
+    "season_entry": "/api/season/entry",
+    "season_own": "/api/season/own",
+}
+"""What `clients.web.seasons` answers, likewise."""
 RECORDINGS = {"download": "/api/download/{form}/{match}", "open": "/api/open/{form}"}
 """What `clients.web.recordings` answers by the names of its handlers; a page sends a file along to the second."""
 MONITORING = {"healthz": "/healthz", "metrics": "/metrics"}
@@ -78,7 +88,8 @@ def render(page: Page, parameters: dict[str, str]) -> str:
     start = {
         "script": f"/assets/{page.script}",
         "parameters": list(parameters.values()),
-        "routes": QUESTIONS | RECORDINGS | SOCKETS,
+        "routes": QUESTIONS | SEASONS | RECORDINGS | SOCKETS,
+        "tokenHeader": TOKEN_HEADER,
     }
     shell = (ASSETS / "index.html").read_text(encoding="utf-8")
     shell = shell.replace("<body>", '<body class="bare">') if page.path.startswith(EMBEDDED) else shell

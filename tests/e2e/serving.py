@@ -11,7 +11,7 @@ import uvicorn
 from arena.errors import ArenaError
 from arena.network.address import Address
 from clients.web.pit import PitClient
-from clients.web.providers import Leagues
+from clients.web.providers import Leagues, Seasons
 from clients.web.server import WebSettings, listen, make_app
 
 if TYPE_CHECKING:
@@ -55,10 +55,10 @@ class NoLeagues:
 
 
 @contextmanager
-def serving(pit: PitClient, leagues: Leagues | None = None) -> Iterator[str]:
+def serving(pit: PitClient, leagues: Leagues | None = None, seasons: Seasons | None = None) -> Iterator[str]:
     """Serve the pages, and give their address."""
     with listen("127.0.0.1", 0) as listening:
-        app = make_app(WebSettings(pit=pit, leagues=leagues or NoLeagues()))
+        app = make_app(WebSettings(pit=pit, leagues=leagues or NoLeagues(), seasons=seasons))
         server = uvicorn.Server(uvicorn.Config(app, log_level="error", ws="websockets-sansio"))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
         thread.start()

@@ -1,8 +1,8 @@
 """Seasons whose desks are open, and authors who submit to them, well or ill: for the tests of submissions."""
 
+from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
-from threading import Event
 from typing import Any
 
 from arena.game.ruleset import load
@@ -45,15 +45,18 @@ class Season:
         self.submitted = SubmittedFolder(folder)
         self.logs = folder / "logs"
         self.logs.mkdir(exist_ok=True)
-        self.n_changes, self.changed = 0, Event()
+        self.n_changes = 0
+        self.on_submission: Callable[[], None] = lambda: None
         self.owners = OwnerRequests(
             self.store, self.row, terms, self.submitted, self.logs, Register(folder / "register.json", invites),
-            clock=lambda: self.now_s, on_submission=lambda: None, on_change=self.note_change,
+            clock=lambda: self.now_s, on_submission=self.announce, on_change=self.note_change,
         )  # fmt: skip
+
+    def announce(self) -> None:
+        self.on_submission()
 
     def note_change(self) -> None:
         self.n_changes += 1
-        self.changed.set()
 
     def intake(self, **changes: Any) -> Intake:
         """Return what checks submissions: against one opponent, in at most 3 s."""

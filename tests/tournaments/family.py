@@ -1,4 +1,4 @@
-"""A league that is run by the command line, in a process whose whole family is known: to be killed, and to be seen gone."""
+"""A league or a season that is run in a process whose whole family is known: to be killed, and to be seen gone."""
 
 import os
 import select
@@ -9,27 +9,23 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Self
 
 PATIENCE_S = 100.0
 """Several test processes share few cores; what is well ends long before."""
 _MARK = "ARENA_TEST_FAMILY"
 
 
-class LeagueProcess:
-    """`arena tournament run`, and all that it starts; gone when `with` is left."""
+class ArenaProcess:
+    """An `arena` command with a data folder, and all that it starts; gone when `with` is left."""
 
-    def __init__(self, file: Path, venue: str, data: Path, db: str) -> None:
-        self.data, self.db = data, db
-        self.journals = data / "journals" / file.stem
-        self.report = data / "report.json"
-        self._command = [
-            sys.executable, "-c", "from tournaments.cli import main; main()", "tournament", "run", str(file), "--venue", venue,
-            "--data", str(data), "--db", db, "--json", "--out", str(self.report),
-        ]  # fmt: skip
+    def __init__(self, data: Path, *words: str) -> None:
+        self.data = data
+        self._command = [sys.executable, "-c", "from tournaments.cli import main; main()", *words, "--data", str(data)]
         data.mkdir(exist_ok=True)
         self.process: subprocess.Popen[bytes] | None = None
 
-    def __enter__(self) -> "LeagueProcess":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -92,6 +88,15 @@ class LeagueProcess:
     def find_referee(self) -> int | None:
         """Return its referee's process; in the network venue, nothing else is started that way."""
         return self.find("spawn_main")
+
+
+class LeagueProcess(ArenaProcess):
+    """`arena tournament run`."""
+
+    def __init__(self, file: Path, venue: str, data: Path, db: str) -> None:
+        self.db, self.journals, self.report = db, data / "journals" / file.stem, data / "report.json"
+        words = ("tournament", "run", str(file), "--venue", venue, "--db", db, "--json", "--out", str(self.report))
+        super().__init__(data, *words)
 
 
 def processes() -> Iterator[tuple[int, str]]:

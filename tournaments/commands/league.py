@@ -43,7 +43,16 @@ Data = Annotated[
 ]
 Db = Annotated[str, typer.Option(metavar="URL|FILE", help="The store of results; arena.db in the data folder without it.")]
 Format = Annotated[str, typer.Option("--format", metavar="|".join(FORMATS), help="What to print.")]
-Ratings = Annotated[str, typer.Option(metavar="NAME", help="How to rate; davidson, or a method of an installed package.")]
+Ratings = Annotated[
+    str, typer.Option(metavar="NAME", help="How to rate; davidson, normal (one fit), or a method of an installed package.")
+]
+Shares = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        help="Show shares beside ratings: maximal-lotteries, nash, alpha-rank, or of an installed package. May be repeated.",
+    ),
+]
 AllVersions = Annotated[
     bool, typer.Option("--all-versions", help="Rate every version that entries have had, not their current ones alone.")
 ]
@@ -180,6 +189,7 @@ def report_league(
     form: Format = "text",
     out: Out = None,
     ratings: Ratings = "",
+    shares: Shares = None,
     all_versions: AllVersions = False,
     as_json: AsJson = False,
 ) -> None:
@@ -188,7 +198,9 @@ def report_league(
 
     is_file = league.endswith(".toml") or league in LEAGUES
     read = load_league(league) if is_file else None
-    _report(read.name if read else league, data, db, "json" if as_json else form, out, ratings, has_all_versions=all_versions)
+    _report(
+        read.name if read else league, data, db, "json" if as_json else form, out, ratings, shares, has_all_versions=all_versions
+    )
 
 
 @tournament.command("close")
@@ -205,6 +217,8 @@ def close_league(league: LeagueName, data: Data = None, db: Db = "") -> None:
     from tournaments.store.store import Store
 
     chosen, folders = load_league(league), Folders(data=data_folder(data))
+    if chosen.season is not None:
+        raise InputError(f"{chosen.name} is a season, which is closed after its final; write its deadline into {league}")
     with Store(db or str(folders.data / "arena.db"), make=False) as store, store.lock(chosen.name):
         row = store.get(chosen.name)
         if not progress_of(store, row)["complete"]:
@@ -235,7 +249,10 @@ def show_status(
     if as_json:
         print_json(facts)
     else:
-        print_table(("league", "entries", "played", "planned", "complete"), [tuple(fact.values()) for fact in facts])
+        print_table(
+            ("league", "entries", "played", "planned", "complete"),
+            [tuple("-" if value is None else value for value in fact.values()) for fact in facts],
+        )
 
 
 def leaderboard(
@@ -246,6 +263,7 @@ def leaderboard(
     form: Format = "text",
     out: Out = None,
     ratings: Ratings = "",
+    shares: Shares = None,
     all_versions: AllVersions = False,
     as_json: AsJson = False,
 ) -> None:
@@ -259,15 +277,27 @@ def leaderboard(
 
         if all_versions:
             raise InputError("--all-versions is of leagues; a ladder rates an entry as it is now")
+        if shares:
+            raise InputError("--shares are of leagues; a ladder has no cross table")
         if ratings:
             raise InputError("--ratings is how leagues are rated; a ladder keeps the ratings that its pit gave")
         text = render_ladder(db or str(data_folder(data) / "arena.db"), league, _one_of("--format", form, LADDER_FORMATS))
         say_lines(text) if out is None else save(out, text)
         return
-    _report(league, data, db, form, out, ratings, has_all_versions=all_versions)
+    _report(league, data, db, form, out, ratings, shares, has_all_versions=all_versions)
 
 
-def _report(name: str, data: Path | None, db: str, form: str, out: Path | None, ratings: str, *, has_all_versions: bool) -> None:
+def _report(
+    name: str,
+    data: Path | None,
+    db: str,
+    form: str,
+    out: Path | None,
+    ratings: str,
+    shares: list[str] | None,
+    *,
+    has_all_versions: bool,
+) -> None:
     """Print the report of a stored league; the last one that was run if it has no name."""
     from arena.folders import data_folder
     from tournaments.ratings.methods import DEFAULT
@@ -279,8 +309,10 @@ def _report(name: str, data: Path | None, db: str, form: str, out: Path | None, 
     folders = Folders(data=data_folder(data))
     with Store(db or str(folders.data / "arena.db"), make=False) as store:
         row = store.get(name) if name else store.latest()
+        if row.is_season:
+            raise InputError(f"{row.name} is a season; show its table by: arena season status {row.name}")
         outcomes = store.outcomes(row)
-    report = make_report(row, outcomes, rating_method=ratings or DEFAULT, has_all_versions=has_all_versions)
+    report = make_report(row, outcomes, rating_method=ratings or DEFAULT, has_all_versions=has_all_versions, shares=shares or ())
     _show(report, form, out, folders.journals(row.name))
 
 

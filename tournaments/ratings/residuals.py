@@ -16,7 +16,7 @@ between equals is held for a victory, and so that any circle is made up, below 5
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import log
@@ -30,7 +30,7 @@ from tournaments.ratings.bootstrap import game_of
 from tournaments.ratings.davidson import ELO, Floats, chances, posterior
 from tournaments.ratings.rate import Ratings
 
-_LEVEL = 0.05
+LEVEL = 0.05
 _POINTS = np.array([1, 0.5, 0])
 """Blue's, where blue won, drew and lost."""
 _LEAST_SPARED = 0.01
@@ -96,8 +96,7 @@ def find_residuals(ratings: Ratings, outcomes: Iterable[Outcome]) -> tuple[Resid
         return ()
     names = sorted(ratings.entries)
     index = {name: number for number, name in enumerate(names)}
-    nu = 2 * ratings.draw_rate / (1 - ratings.draw_rate)
-    best = np.array([*(ratings.entries[name].elo / ELO for name in names), ratings.side_elo / ELO, log(nu)])
+    best = _parameters([ratings.entries[name].elo for name in names], ratings.side_elo, ratings.draw_rate)
     outcomes = list(outcomes)
     counts = np.zeros((len(names), len(names), 3))
     for outcome in outcomes:
@@ -115,7 +114,7 @@ def find_residuals(ratings: Ratings, outcomes: Iterable[Outcome]) -> tuple[Resid
         spared = variance - slope @ inverse @ slope
         z = (points - expected) / (dispersion * spared) ** 0.5 if spared > _LEAST_SPARED * variance else 0.0
         found.append((i, j, n_matches, points, expected, float(z)))
-    adjusted = _holm([float(2 * norm.sf(abs(row[-1]))) for row in found])
+    adjusted = holm([float(2 * norm.sf(abs(row[-1]))) for row in found])
     residuals = [
         Residual(
             one=names[i],
@@ -124,11 +123,22 @@ def find_residuals(ratings: Ratings, outcomes: Iterable[Outcome]) -> tuple[Resid
             score=float(points / n_matches),
             expected=float(expected / n_matches),
             z=z,
-            is_significant=p <= _LEVEL,
+            is_significant=p <= LEVEL,
         )
         for (i, j, n_matches, points, expected, z), p in zip(found, adjusted, strict=True)
     ]
     return tuple(sorted(residuals, key=lambda residual: (-abs(residual.z), residual.one, residual.other)))
+
+
+def _parameters(elos: Sequence[float], side_elo: float, draw_rate: float) -> Floats:
+    """Return the model's parameters from what is reported of them, as `davidson` has them."""
+    return np.array([*(elo / ELO for elo in elos), side_elo / ELO, log(2 * draw_rate / (1 - draw_rate))])
+
+
+def expected_points(elo: Mapping[str, float], side_elo: float, draw_rate: float) -> dict[tuple[str, str], float]:
+    """Return what ratings expect of each match, by who is blue and who is red: blue's points."""
+    points = chances(_parameters(list(elo.values()), side_elo, draw_rate)) @ _POINTS
+    return {(blue, red): float(points[i, j]) for i, blue in enumerate(elo) for j, red in enumerate(elo) if i != j}
 
 
 def _expected(i: int, j: int, counts: Floats, shares: Floats) -> tuple[float, float, Floats]:
@@ -178,10 +188,10 @@ def _dispersion(fixtures: dict[tuple[str, str], list[float]], index: dict[str, i
 def find_cycles(outcomes: Iterable[Outcome]) -> tuple[Cycle, ...]:
     """Return the circles of three that are beyond chance, the most certain first."""
     fixtures = _pairs(outcomes)
-    adjusted = _holm([_reversal_p(scores) for scores in fixtures.values()])
+    adjusted = holm([_reversal_p(scores) for scores in fixtures.values()])
     beats: dict[tuple[str, str], tuple[float, float]] = {}
     for ((one, other), scores), p in zip(fixtures.items(), adjusted, strict=True):
-        if p <= _LEVEL:
+        if p <= LEVEL:
             score = float(np.mean(scores)) / 2
             beats[(one, other) if score > 0.5 else (other, one)] = (max(score, 1 - score), p)
     cycles = []
@@ -207,7 +217,7 @@ def _reversal_p(scores: Iterable[float]) -> float:
     return float(min(1.0, 2 * (binom.pmf(clear, n_clear, 0.5) * binom.sf(least_narrow - 1, n_narrow, 0.5)).sum()))
 
 
-def _holm(ps: Sequence[float]) -> list[float]:
+def holm(ps: Sequence[float]) -> list[float]:
     """Return p-values corrected for how many there are (Holm, 1979)."""
     corrected = [0.0] * len(ps)
     highest = 0.0

@@ -17,6 +17,7 @@ from tournaments.outcome import Outcome
 from tournaments.ratings.methods import RatingMethod
 from tournaments.ratings.rate import N_DRAWS, Follows, Rating, rate
 from tournaments.ratings.residuals import Cycle, Residual, find_cycles, find_residuals
+from tournaments.ratings.shares import Share, ShareMethod, share
 
 FAULTS = ("late", "unreadable", "stale", "garbled", "vanished", "raised")
 """What is counted against an entry, in the order of the report's columns."""
@@ -70,6 +71,8 @@ class Standing:
     faults: Mapping[str, int]
     forfeits: int
     latency: Latency | None
+    shares: Mapping[str, Share] = field(default_factory=dict)
+    """By the methods that were asked for."""
 
     @property
     def rank_range(self) -> str:
@@ -141,6 +144,7 @@ def stand(
     n_draws: int = N_DRAWS,
     method: RatingMethod = rate,
     follows: Follows = (),
+    share_methods: Mapping[str, ShareMethod] | None = None,
 ) -> Standings:
     """Return the table of a league.
 
@@ -154,6 +158,8 @@ def stand(
         Whether no map came twice; see `rate`.
     follows
         Names of consecutive versions of an entry, the earlier first.
+    share_methods
+        What else each entry is given, by name.
     """
     names, outcomes = list(names), list(outcomes)
     seen = {name: _Seen() for name in names}
@@ -172,6 +178,7 @@ def stand(
                 entry.p99s_s.append(seat.latency_p99_s)
     versions = {"follows": follows} if follows else {}  # a method of others need not know of versions until there are any
     ratings = method(names, outcomes, are_maps_fresh=are_maps_fresh, n_draws=n_draws, **versions)
+    shares = {what: share(names, outcomes, each) for what, each in (share_methods or {}).items()}
     rows = [
         Standing(
             name=name,
@@ -180,6 +187,7 @@ def stand(
             faults={kind: entry.faults[kind] for kind in (*FAULTS, *sorted(set(entry.faults) - set(FAULTS)))},
             forfeits=entry.forfeits,
             latency=Latency(p50_s=median(entry.p50s_s), p99_s=max(entry.p99s_s)) if entry.p50s_s and entry.p99s_s else None,
+            shares={what: of[name] for what, of in shares.items()},
         )
         for name, entry in seen.items()
     ]

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from math import ceil, floor
 
 from tournaments.ratings.standings import Record, SideBias, Standing, Standings
+from tournaments.reports.version_curves import Step
 
 N_SHADES = 11
 """Of the heat map: 0 lost everything, 5 is even, 10 won everything; an odd number, so that even has a shade of its own."""
 _ROW_PX = 42
+_CURVE_PX = 150
 _MARGIN = 6.5
 _LONGEST = 28
 """Letters of a name that stand beside its rating on a phone."""
@@ -60,17 +62,15 @@ def rating_plot(rows: Sequence[Standing]) -> Plot:
     """Return the ratings with their 95% intervals, the best on top."""
     low = min((row.rating.elo_low for row in rows), default=0.0)
     high = max((row.rating.elo_high for row in rows), default=0.0)
-    step = next((step for step in _ELO_STEPS if (high - low) / step <= 6), _ELO_STEPS[-1])
-    first, last = step * floor(low / step), step * max(ceil(high / step), floor(low / step) + 1)
+    first, last, step = _elo_axis(low, high)
     marks = []
     for number, row in enumerate(rows):
         rating = row.rating
-        interval = f"{rating.elo_low:+.0f} to {rating.elo_high:+.0f}"
         marks.append(
             Mark(
                 label=row.name if len(row.name) <= _LONGEST else row.name[: _LONGEST - 1] + "\N{HORIZONTAL ELLIPSIS}",
                 value=f"{rating.elo:+.0f}",
-                says=f"{row.name}: {rating.elo:+.0f} Elo, 95% interval {interval}, rank {row.rank_range}",
+                says=f"{row.name}: {format_rating(row)}",
                 low=_place(rating.elo_low, first, last),
                 middle=_place(rating.elo, first, last),
                 high=_place(rating.elo_high, first, last),
@@ -79,6 +79,76 @@ def rating_plot(rows: Sequence[Standing]) -> Plot:
         )
     ticks = [(_place(elo, first, last), f"{elo:+d}" if elo else "0") for elo in range(first, last + 1, step)]
     return Plot(marks=marks, ticks=ticks, height=_ROW_PX * len(marks))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """A version on the curve of its entry; across in percent, down in pixels."""
+
+    label: str
+    says: str
+    """All of it, as a sentence."""
+    x: float
+    y: float
+    y_low: float
+    """Of the lower end of its interval, so the larger number."""
+    y_high: float
+    is_current: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """The versions of an entry over one axis of Elo."""
+
+    entry: str
+    points: list[Point]
+    ticks: list[tuple[float, str]]
+    height: int = _CURVE_PX
+
+
+def curve_plots(curves: Mapping[str, Sequence[Step]]) -> list[Curve]:
+    """Return a curve for each entry, all on the same axis."""
+    ratings = [step.row.rating for steps in curves.values() for step in steps]
+    first, last, step_elo = _elo_axis(
+        min((one.elo_low for one in ratings), default=0.0), max((one.elo_high for one in ratings), default=0.0)
+    )
+
+    def down(elo: float) -> float:
+        return round(_CURVE_PX * (last - elo) / (last - first), 1)
+
+    ticks = [(down(elo), f"{elo:+d}" if elo else "0") for elo in range(first, last + 1, step_elo)]
+    return [
+        Curve(
+            entry=entry,
+            points=[
+                Point(
+                    label=f"{step.number}",
+                    says=f"{step.row.name}: {format_rating(step.row)}{', played now' if step.is_current else ''}",
+                    x=round(12 + 80 * (place + 0.5) / len(steps), 2),
+                    y=down(step.row.rating.elo),
+                    y_low=down(step.row.rating.elo_low),
+                    y_high=down(step.row.rating.elo_high),
+                    is_current=step.is_current,
+                )
+                for place, step in enumerate(steps)
+            ],
+            ticks=ticks,
+        )
+        for entry, steps in curves.items()
+    ]
+
+
+def format_rating(row: Standing) -> str:
+    """Return a rating with its interval and its rank, in words."""
+    rating = row.rating
+    interval = f"{rating.elo_low:+.0f} to {rating.elo_high:+.0f}"
+    return f"{rating.elo:+.0f} Elo, 95% interval {interval}, rank {row.rank_range}"
+
+
+def _elo_axis(low: float, high: float) -> tuple[int, int, int]:
+    """Return where an axis begins and ends, and the step between its ticks."""
+    step = next((step for step in _ELO_STEPS if (high - low) / step <= 6), _ELO_STEPS[-1])
+    return step * floor(low / step), step * max(ceil(high / step), floor(low / step) + 1), step
 
 
 def side_plot(side: SideBias) -> Plot:

@@ -5,11 +5,13 @@ import re
 from collections.abc import Iterable, Sequence
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 from arena.console import format_table
 from arena.console import to_json as write_json
 from arena.errors import InputError
-from tournaments.reports.leaderboard import as_table, fault_kinds, rounded, row_to_dict
+from tournaments.reports.leaderboard import as_table, fault_kinds, rounded, row_to_dict, share_columns
+from tournaments.reports.opponents import Opponent, find_opponents
 from tournaments.reports.report import MOST_SHOWN, Report, summary, to_document
 
 
@@ -27,7 +29,12 @@ def render(report: Report, form: str, page: Path, journals: Path) -> str:
         from tournaments.reports.page import to_html
 
         return to_html(report, page, journals)
-    return {"text": to_text, "md": to_markdown, "csv": to_csv, "json": to_json}[form](report)
+    if form == "json":
+        from tournaments.reports.map_gains import find_map_gains, map_gains_to_dict
+
+        gains = find_map_gains(report, journals)
+        return to_json(report, **({"map_gains": map_gains_to_dict(gains)} if gains else {}))
+    return {"text": to_text, "md": to_markdown, "csv": to_csv}[form](report)
 
 
 def save(path: Path, text: str) -> None:
@@ -39,9 +46,9 @@ def save(path: Path, text: str) -> None:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
 
 
-def to_json(report: Report) -> str:
-    """Return the report as one JSON document."""
-    return write_json(to_document(report)) + "\n"
+def to_json(report: Report, **more: Any) -> str:
+    """Return the report as one JSON document; `more` is what was found outside the store."""
+    return write_json(to_document(report) | more) + "\n"
 
 
 def to_text(report: Report) -> str:
@@ -67,7 +74,21 @@ def to_markdown(report: Report) -> str:
                 for one in standings.residuals[:MOST_SHOWN]
             ],
         )
+    opponents = find_opponents(standings)
+    if opponents:
+        lines += ["", "## Best and worst opponents", ""]
+        lines += _table(
+            ("entry", "most points", "fewest", "most above its rating", "most below"),
+            [
+                (name, one.best.by_points, one.worst.by_points, *map(_by_rating, (one.most_above, one.most_below)))
+                for name, one in opponents.items()
+            ],
+        )
     return "\n".join(lines) + "\n"
+
+
+def _by_rating(opponent: Opponent | None) -> str:
+    return "" if opponent is None else opponent.by_rating
 
 
 def _percent(share: float | None) -> str:
@@ -89,12 +110,14 @@ def to_csv(report: Report) -> str:
     """Return the leaderboard as CSV: a row for each entry, an empty cell for what is not known."""
     standings = report.standings.rows
     values = [row_to_dict(row) for row in standings]
-    columns = [name for name in (values[0] if values else ()) if name != "faults"]
+    columns = [name for name in (values[0] if values else ()) if name not in ("faults", "shares")]
     kinds = fault_kinds(standings)
+    shares = [name for column in share_columns(standings) for name in (column.name, f"{column.name}_low", f"{column.name}_high")]
     text = StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow((*columns, *kinds, "latency_p50_s", "latency_p99_s"))
+    table.writerow((*columns, *shares, *kinds, "latency_p50_s", "latency_p99_s"))
     for row, value in zip(standings, values, strict=True):
         latency = (None, None) if row.latency is None else (rounded(row.latency.p50_s, 6), rounded(row.latency.p99_s, 6))
-        table.writerow((*(value[name] for name in columns), *(row.faults.get(kind, 0) for kind in kinds), *latency))
+        drawn = [part for of in value.get("shares", {}).values() for part in of.values()]
+        table.writerow((*(value[name] for name in columns), *drawn, *(row.faults.get(kind, 0) for kind in kinds), *latency))
     return text.getvalue()

@@ -36,7 +36,8 @@ def head_to_head(outcomes: Iterable[Outcome], one: str, other: str, tags: Mappin
         for kept in (record, by_side["blue" if outcome.blue == one else "red"], by_ending[outcome.result.ending.name.lower()]):
             kept.add(points)
         pairs[LeagueMatchId.parse(outcome.identity).pair_id].append(points)
-    low, high = _interval([sum(points) / len(points) for points in pairs.values()])
+    scores = [sum(points) / len(points) for points in pairs.values()]
+    low, high = score_interval(sum(scores) / len(scores) if scores else 0.0, len(scores))
     return {
         "entries": [one, other],
         "record": asdict(record) | {"score": record.score, "low": low, "high": high, "pairs": len(pairs)},
@@ -55,15 +56,14 @@ def head_to_head(outcomes: Iterable[Outcome], one: str, other: str, tags: Mappin
     }
 
 
-def _interval(scores: Sequence[float]) -> tuple[float, float]:
+def score_interval(mean: float, n_pairs: float) -> tuple[float, float]:
     """Return the 95% interval of the mean of pairs' scores: Wilson's, as if each pair were won or lost.
 
     A pair that is shared varies less than that, so the interval is rather too wide; and it is never a point, as one made of the
     spread of a few equal pairs would be.
     """
-    n = len(scores)
-    if not n:
+    if not n_pairs:
         return 0.0, 1.0
-    mean, z2 = sum(scores) / n, Z95**2
-    centre, margin = mean + z2 / (2 * n), Z95 * (mean * (1 - mean) / n + z2 / (4 * n * n)) ** 0.5
-    return max((centre - margin) / (1 + z2 / n), 0.0), min((centre + margin) / (1 + z2 / n), 1.0)
+    z2 = Z95**2
+    centre, margin = mean + z2 / (2 * n_pairs), Z95 * (mean * (1 - mean) / n_pairs + z2 / (4 * n_pairs * n_pairs)) ** 0.5
+    return max((centre - margin) / (1 + z2 / n_pairs), 0.0), min((centre + margin) / (1 + z2 / n_pairs), 1.0)

@@ -1,7 +1,7 @@
 """The leaderboard: one set of columns for the terminal, Markdown, HTML and the web page, and its rows for programs."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from tournaments.ratings.standings import Standing
@@ -62,7 +62,25 @@ _FORFEITS = Column(
 def columns(rows: Sequence[Standing]) -> list[Column]:
     """Return the columns of a leaderboard; a kind of failure that nobody had takes no room."""
     rank, *others = STRENGTH
-    return [rank, _ENTRY, *others, *failure_columns(rows)[0], *latency_columns(rows)]
+    return [rank, _ENTRY, *others, *share_columns(rows), *failure_columns(rows)[0], *latency_columns(rows)]
+
+
+def share_columns(rows: Sequence[Standing]) -> list[Column]:
+    """Return a column for each method of shares that was asked for."""
+    return [_share_column(name) for name in (rows[0].shares if rows else ())]
+
+
+def _share_column(name: str) -> Column:
+    def text(row: Standing) -> str:
+        share, low, high = (f"{100 * part:.0f}" for part in (row.shares[name].share, row.shares[name].low, row.shares[name].high))
+        return f"{share}%, {low} to {high}"
+
+    return Column(
+        name=name,
+        text=text,
+        key=lambda row: f"{row.shares[name].share:.4f}",
+        meaning="Its share, with the 95% interval",
+    )
 
 
 def failure_columns(rows: Sequence[Standing]) -> tuple[list[Column], list[Column]]:
@@ -141,6 +159,11 @@ def row_to_dict(row: Standing) -> dict[str, Any]:
         "score": rounded(record.score, 4),
         "forfeits": row.forfeits,
         "faults": dict(row.faults),
+        **(
+            {"shares": {name: {part: rounded(value, 4) for part, value in asdict(of).items()} for name, of in row.shares.items()}}
+            if row.shares
+            else {}
+        ),
     }
 
 

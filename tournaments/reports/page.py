@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from hashlib import sha256
 from importlib.resources import files
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -18,8 +19,10 @@ from arena.records.plan import LeagueMatchId
 from clients.web.page_file import player_page
 from tournaments.outcome import Outcome
 from tournaments.ratings.methods import DEFAULT
-from tournaments.reports.charts import chance_map, format_record, heat_map, rating_plot, side_plot
-from tournaments.reports.leaderboard import STRENGTH, failure_columns, latency_columns
+from tournaments.reports.charts import chance_map, curve_plots, format_record, heat_map, rating_plot, side_plot
+from tournaments.reports.leaderboard import STRENGTH, failure_columns, latency_columns, share_columns
+from tournaments.reports.map_gains import FEATURES, find_map_gains
+from tournaments.reports.opponents import find_opponents
 from tournaments.reports.replays import pack_replays
 from tournaments.reports.report import LATENCY_NOTE, MOST_SHOWN, Report, verdict_lines, warnings
 from tournaments.store.store import StoredLeague
@@ -45,6 +48,7 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
     is_listed = standings.n_matches <= MOST_LISTED
     replays = pack_replays(report, journals)
     player, source = player_page() if replays else ("", "")
+    gains = find_map_gains(report, journals)
     found = {} if is_listed else {pair: _letters(report.league, pair, fixtures[pair]) for pair in fixtures}
     return _template().render(
         report=report,
@@ -52,16 +56,20 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
         league=report.league,
         standings=standings,
         rows=standings.rows,
-        strength=STRENGTH,
+        strength=(*STRENGTH, *share_columns(standings.rows)),
         failures=failures,
         absent=[column.name for column in absent],
         latency=latency_columns(standings.rows),
         plot=rating_plot(standings.rows),
+        curves=curve_plots(report.curves),
         side=side_plot(standings.side),
         sides=(("blue", standings.side.blue_wins), ("drawn", standings.side.draws), ("red", standings.side.red_wins)),
         heat=heat_map(standings),
         chances=chance_map(standings) if standings.n_matches and standings.superiority else {},
         residuals=standings.residuals[:MOST_SHOWN],
+        opponents=find_opponents(standings),
+        features=FEATURES,
+        gains={entry: {one.feature: one for one in of} for entry, of in groupby(gains, key=lambda one: one.entry)},
         verdict=verdict_lines(report),
         warnings=warnings(report),
         fixtures=[_list(report, pair, fixtures[pair], folder, replays) for pair in fixtures] if is_listed else [],

@@ -26,14 +26,20 @@ def find_visible(played: Iterable[str], n_pairs: int, is_complete: bool) -> set[
     is_complete
         Whether the league is over, as a test is that is decided: then a match needs no more than its whole pair.
     """
-    matches = {identity: LeagueMatchId.parse(identity) for identity in played}
-    of_fixture = Counter(match.fixture for match in matches.values())
-    of_pair = Counter(match.pair_id for match in matches.values())
-    return {
-        identity
-        for identity, match in matches.items()
-        if of_fixture[match.fixture] >= 2 * n_pairs or (is_complete and of_pair[match.pair_id] == 2)
-    }
+    fixtures = {identity: LeagueMatchId.parse(identity).fixture for identity in played}
+    n_played = Counter(fixtures.values())
+    whole = {identity for identity, fixture in fixtures.items() if n_played[fixture] >= 2 * n_pairs}
+    return whole | (find_whole_pairs(fixtures) if is_complete else set())
+
+
+def find_whole_pairs(played: Iterable[str]) -> set[str]:
+    """Return the matches whose pair is over, and so its map.
+
+    These are the matches of a season whose journals may be seen: two entries may always meet again there, and on other maps.
+    """
+    pairs = {identity: LeagueMatchId.parse(identity).pair_id for identity in played}
+    n_played = Counter(pairs.values())
+    return {identity for identity, pair in pairs.items() if n_played[pair] == 2}
 
 
 def read_journal_file(folder: Path, identity: str) -> bytes:

@@ -12,11 +12,14 @@ from typing import Any
 from tournaments.league.schedule import count_matches
 from tournaments.league.versions import successions
 from tournaments.outcome import Outcome
-from tournaments.ratings.methods import DEFAULT, find_method
+from tournaments.ratings.methods import DEFAULT, check_versions, find_method
 from tournaments.ratings.rate import N_DRAWS
+from tournaments.ratings.shares import find_shares
 from tournaments.ratings.sprt import PAIR_SCORES
 from tournaments.ratings.standings import Standings, stand
 from tournaments.reports.leaderboard import rounded, row_to_dict
+from tournaments.reports.opponents import find_opponents, opponents_to_dict
+from tournaments.reports.version_curves import Step, curve_lines, curves_to_dict, find_curves
 from tournaments.running.duel import Duel, judge
 from tournaments.store.store import StoredLeague
 
@@ -48,6 +51,11 @@ class Report:
     """Sentences on what a reader should beware of, beside those that `warnings` finds itself."""
 
     @property
+    def curves(self) -> dict[str, tuple[Step, ...]]:
+        """The versions of each entry that has several, where all are rated."""
+        return find_curves(self.standings, self.league.definition["entries"]) if self.has_all_versions else {}
+
+    @property
     def is_complete(self) -> bool:
         """Whether every match was played, or enough of them to decide a test."""
         return (self.duel is not None and self.duel.is_decided) or self.standings.n_matches >= self.n_planned
@@ -61,6 +69,7 @@ def make_report(
     findings: Iterable[str] = (),
     rating_method: str = DEFAULT,
     has_all_versions: bool = False,
+    shares: Iterable[str] = (),
 ) -> Report:
     """Return the report of a league: of the current versions of its entries, or of every one that has played."""
     outcomes = tuple(outcomes)
@@ -73,6 +82,9 @@ def make_report(
     if has_all_versions:
         names = sorted({*names, *(label for one in outcomes for label in (one.blue, one.red))})
         n_planned += n_earlier
+    method, follows = find_method(rating_method), successions(names) if has_all_versions else []
+    if follows:
+        check_versions(method, rating_method)
     return Report(
         league=league,
         standings=stand(
@@ -80,8 +92,9 @@ def make_report(
             counted,
             are_maps_fresh=league.definition.get("maps") == "fresh",
             n_draws=n_draws,
-            method=find_method(rating_method),
-            follows=successions(names) if has_all_versions else (),
+            method=method,
+            follows=follows,
+            share_methods={name: find_shares(name) for name in shares},
         ),
         rating_method=rating_method,
         outcomes=counted,
@@ -117,6 +130,7 @@ def to_document(report: Report) -> dict[str, Any]:
         },
         **({} if report.rating_method == DEFAULT else {"rating_method": report.rating_method}),
         "standings": [row_to_dict(row) for row in standings.rows],
+        **({"versions": curves_to_dict(report.curves)} if report.has_all_versions else {}),
         "cross": {
             row.name: {
                 other.name: asdict(record) | {"score": rounded(record.score, 4)}
@@ -137,6 +151,7 @@ def to_document(report: Report) -> dict[str, Any]:
         | {"significant": standings.side.is_significant},
         "draw_rate": rounded(standings.draw_rate, 4),
         "residuals": [{name: rounded(value, 4) for name, value in asdict(residual).items()} for residual in standings.residuals],
+        "opponents": opponents_to_dict(find_opponents(standings)),
         "cycles": [
             {"entries": list(cycle.entries), "scores": [rounded(score, 4) for score in cycle.scores], "p": rounded(cycle.p, 6)}
             for cycle in standings.cycles
@@ -206,6 +221,7 @@ def summary(report: Report) -> list[str]:
         lines.append(drawn if rate is None else f"{drawn}; two of equal strength would draw {rate:.1%} of their matches")
     if report.n_earlier:
         lines.append(f"{report.n_earlier:,} matches of earlier versions are stored and not counted; --all-versions counts them")
+    lines += curve_lines(report.curves)
     if report.rating_method != DEFAULT:
         lines.append(f"ratings by the method {report.rating_method}")
     if any(row.latency for row in standings.rows):

@@ -76,9 +76,13 @@ def describe_season(
 
 
 def as_season_table(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the rows that `describe_season` made as the web page shows and sorts them."""
+    """Return the rows that `describe_season` made as the web page shows and sorts them; a newcomer's name has a `tag`."""
     standings = [_standing(row) for row in rows]
-    return to_web_table(standings, [*_COLUMNS, *failure_columns(standings)[0]])
+    table = to_web_table(standings, [*_COLUMNS, *failure_columns(standings)[0]])
+    for row, cells in zip(rows, table["rows"], strict=True):
+        if row.get("is_new"):
+            cells[1]["tag"] = "new"
+    return table
 
 
 def as_text_table(rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[str | int]]]:

@@ -17,8 +17,9 @@ from tournaments.reports.leaderboard import as_web_table
 from tournaments.reports.replays import find_visible, read_journal_file
 from tournaments.reports.report import make_report, to_document
 from tournaments.reports.tags import Course, read_course, tag_course, tag_results
+from tournaments.reports.web_seasons import check_journal_is_open, is_season
 from tournaments.running.scheduler import Folders
-from tournaments.store.store import Store
+from tournaments.store.entry_history import EntryHistory
 
 _N_DRAWS = 200
 """Of the intervals while a league runs, when they are drawn anew after every match; then as many as in its report."""
@@ -39,7 +40,7 @@ class Leagues:
         """Return the names of all leagues, the one that was run last first; none if there is no store."""
         try:
             with self._open() as store:
-                return [league.name for league in store.leagues()]
+                return [league.name for league in store.leagues() if not is_season(league)]
         except InputError:
             return []
 
@@ -47,6 +48,8 @@ class Leagues:
         """Return the document of a league's report, with its `leaderboard`, and under `results` its matches, pair by pair."""
         with self._open() as store:
             league = store.get(name)
+            if is_season(league):
+                raise InputError(f"{name} is a season: its page is /seasons/{name}")
             state = league.hash, league.n_pairs, store.count(league)
             before, document = self._reports.get(name, (("", 0, 0), {}))
             if before == state:
@@ -99,10 +102,13 @@ class Leagues:
     def journal(self, name: str, identity: str) -> bytes:
         """Return the journal of a match, once all matches of its two entries are over: another may be on its map.
 
-        A test that is decided needs no more of them, but the pair of the match must be whole.
+        A test that is decided needs no more of them, but the pair of the match must be whole; nor does a season.
         """
         with self._open() as store:
             league = store.get(name)
+            if is_season(league):
+                check_journal_is_open(store, league, identity)
+                return read_journal_file(self._folders.journals(name), identity)
             played = store.identities(league)
         if identity not in played:
             raise ArenaError(f"league {name} has no match {identity} that is over")
@@ -113,5 +119,5 @@ class Leagues:
             raise ArenaError("the journal is not to be seen until the last match of these two is over")
         return read_journal_file(self._folders.journals(name), identity)
 
-    def _open(self) -> Store:
-        return Store(self._db, make=False)
+    def _open(self) -> EntryHistory:
+        return EntryHistory(self._db, make=False)

@@ -10,8 +10,14 @@ from tournaments.store.store import Store, StoredLeague
 
 
 def progress_of(store: Store, league: StoredLeague) -> dict[str, Any]:
-    """Return how many matches of a league are stored, and whether it is over; of a test, `planned` is the most."""
+    """Return how many matches of a league are stored, and whether it is over; of a test, `planned` is the most.
+
+    A season plans nothing ahead, so of one it is None.
+    """
     n_entries = len(league.definition["entries"])
+    if league.is_season:
+        n_played, is_closed = store.count(league), league.secret is not None
+        return {"league": league.name, "entries": n_entries, "played": n_played, "planned": None, "complete": is_closed}
     n_planned = count_matches(n_entries, league.n_pairs, is_gauntlet="challenger" in league.definition)
     n_played = store.count_current(league)
     test = judge(league.definition, league.current(store.outcomes(league))) if "sprt" in league.definition else None

@@ -7,7 +7,7 @@ from arena.match.time_control import TimeControl
 
 MOST = 8
 """More make no league faster."""
-_SHARE = 0.5
+SHARE = 0.5
 """Of a turn's time that thinking may take while all think at once: the rest is for the unexpected."""
 
 
@@ -25,9 +25,9 @@ def choose_slots(think_s: Mapping[str, float], time_control: TimeControl, n_core
         return MOST
     n_cores = n_cores or len(os.sched_getaffinity(0))
     together_s = sum(think_s.values())
-    if together_s * MOST <= _SHARE * time_control.turn_time_s * n_cores:
+    if together_s * MOST <= SHARE * time_control.turn_time_s * n_cores:
         return MOST
-    return max(int(_SHARE * time_control.turn_time_s * n_cores / together_s), 1)
+    return max(int(SHARE * time_control.turn_time_s * n_cores / together_s), 1)
 
 
 def explain_slots(slots: int, think_s: Mapping[str, float]) -> str:

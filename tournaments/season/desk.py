@@ -10,7 +10,7 @@ from queue import Empty, Full, Queue
 from threading import Event, Thread
 from types import TracebackType
 
-from arena.errors import ForgedError, ProtocolError
+from arena.errors import ArenaError, ForgedError, ProtocolError
 from arena.network.links import Kept
 from arena.network.session import Query, Session
 from arena.pit.authenticator import Authenticator
@@ -19,7 +19,6 @@ from arena.protocol.codec import decode, encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import ChallengeRequest, Message, Refusal, SealedRequest, SeasonRequest, Wait
 from tournaments.season.owners import OwnerRequests
-from tournaments.store.schema import StoreError
 
 MOST_WAITING = 256
 """Questions; what comes beyond is dropped, and asked again. None is longer than a message."""
@@ -111,9 +110,9 @@ class Desk:
         if isinstance(caller.request, SeasonRequest):
             try:
                 answer = self._owners.answer(caller.request, now_s)
-            except StoreError as error:
+            except ArenaError as error:
                 logger.warning("an owner of an entry has to wait: %s", error)
-                answer = Wait(reason="the season cannot reach its store; its organiser was told")
+                answer = Wait(reason="the season cannot do that now; its organiser was told")
         else:
             answer = Refusal(reason="a season takes submissions here; who plays from elsewhere joins its pit")
         try:

@@ -10,6 +10,7 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
+from arena.console import clean
 from arena.errors import InputError
 from arena.game.ruleset import Ruleset
 from arena.match.time_control import TimeControl
@@ -25,7 +26,8 @@ from tournaments.store.store import StoredLeague
 
 logger = logging.getLogger(__name__)
 _LOOK_S = 1.0
-_MOST_FINDINGS, _MOST_LETTERS = 30, 400
+_MOST_FINDINGS, _MOST_LETTERS = 12, 300
+"""Of a report, which fits one message of the protocol."""
 _ACCEPTED = "it was accepted, and plays from now on"
 
 
@@ -69,9 +71,12 @@ class Intake:
         Sandbox(has_wall=terms.has_wall, limits=terms.limits).check()
         self._store, self._league, self._folder, self._terms = store, league, folder, terms
         self._clock, self._on_change = clock, on_change
-        folder.clear([(one.entry, one.digest) for one in store.submissions(league, state=WAITING)])
+        waiting = store.submissions(league, state=WAITING)
+        folder.clear([(one.entry, one.digest) for one in waiting], {one.spec for one in store.versions(league)})
         self._news, self._is_over = Event(), Event()
         self._thread = Thread(target=self._run, name="checks submissions", daemon=True)
+        self.is_checking = False
+        """Whether a fighter is tried just now."""
         self.failure: BaseException | None = None
         """Why it checks no more."""
 
@@ -115,7 +120,11 @@ class Intake:
             self._refuse(one, str(error), None)
             return True
         with self._folder.unpacked(submission) as folder:
-            report, says = self._check(one, folder)
+            self.is_checking = True
+            try:
+                report, says = self._check(one, folder)
+            finally:
+                self.is_checking = False
             if self._store.submission(self._league, one.id).state != WAITING:
                 self._folder.forget(one.entry, one.digest)
             elif report is not None and report.is_accepted:
@@ -154,8 +163,8 @@ class Intake:
 
 
 def _shorten(sentence: str, folder: Path) -> str:
-    """Return a sentence as its reader needs it: of any length that fits, and with no path of this machine."""
-    said = sentence.replace(f"{folder.absolute()}/", "")
+    """Return a sentence as its reader needs it: of a length that fits, and with no path of this machine."""
+    said = clean(sentence.replace(f"{folder.absolute()}/", ""))
     return said if len(said) <= _MOST_LETTERS else f"{said[:_MOST_LETTERS]}..."
 
 

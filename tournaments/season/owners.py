@@ -4,7 +4,7 @@ Whoever asks has signed it. A name belongs to the first key that submitted somet
 """
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from hashlib import sha256
@@ -31,6 +31,9 @@ from tournaments.store.store import StoredLeague
 logger = logging.getLogger(__name__)
 _DAY_S = 86_400.0
 _LOG_PIECE_BYTES, _MOST_LOG_BYTES = 40_000, 200_000
+_MOST_WAITING = 500
+"""Submissions that wait for their check at once; and no more bytes than `_MOST_WAITING_LARGE` of the largest have."""
+_MOST_WAITING_LARGE = 50
 _MOST_SUBMISSIONS, _MOST_VERSIONS, _MOST_MATCHES = 10, 50, 10
 """Of those that an owner is told of, the last."""
 
@@ -51,7 +54,9 @@ class OwnerRequests:
     on_change
         Called when an entry plays another version, or none.
     describe
-        Returns what else the season tells the owner of an entry: its rating, its place, its page.
+        Returns what else the season tells the owner of an entry: its place in the table, its page, where it joins.
+    why_not_remote
+        Why no entry may play from its owner's machine; nothing if it may.
     """
 
     def __init__(
@@ -67,9 +72,11 @@ class OwnerRequests:
         on_submission: Callable[[], None],
         on_change: Callable[[], None],
         describe: Callable[[SeasonEntry], Mapping[str, Any]] = lambda _: {},
+        why_not_remote: str = "",
     ) -> None:
         self._store, self._league, self._terms, self._folder, self._logs = store, league, terms, folder, logs
         self._register, self._clock, self._describe = register, clock, describe
+        self._why_not_remote = why_not_remote
         self._on_submission, self._on_change = on_submission, on_change
         self._most_bytes = terms.most_kb * 1_000
         self._uploads = Uploads(self._most_bytes)
@@ -92,8 +99,8 @@ class OwnerRequests:
 
         Raises
         ------
-        StoreError
-            The store cannot be reached.
+        ArenaError
+            The store cannot be reached, or a file cannot be written: it may be asked again.
         """
         command = self._commands.get(request.command)
         try:
@@ -132,6 +139,8 @@ class OwnerRequests:
         return SeasonAnswer(text=f"it waits for its check{after}", offset=len(came), facts={"submission": kept.id})
 
     def _play_remotely(self, request: SeasonRequest, now_s: float) -> Message:
+        if self._why_not_remote:
+            raise InputError(self._why_not_remote)
         self._check_may_submit(request)
         spec = REMOTE + to_text(request.entry)
         digest = sha256(spec.encode()).hexdigest()
@@ -141,7 +150,10 @@ class OwnerRequests:
             self._league, kept, spec=spec, says="it plays from its owner's machine", report=None, now_s=self._clock()
         )
         self._on_change()
-        return SeasonAnswer(text=f"version {version.number} of {request.name} plays as soon as it joins")
+        entry = self._store.find_entry(self._league, request.name)
+        join = "" if entry is None else self._describe(entry).get("join", "")
+        text = f"version {version.number} of {request.name} plays as soon as it joins"
+        return SeasonAnswer(text=text, facts={"join": join} if join else {})
 
     def _submit(self, request: SeasonRequest, digest: str, n_bytes: int) -> Submission:
         return self._store.submit(
@@ -162,18 +174,25 @@ class OwnerRequests:
             raise InputError(f"the name {name} belongs to another key; choose one with --name")
         if any(one.entry == name for one in waiting):
             raise InputError(f"a version of {name} waits for its check; submit the next when that has ended")
-        own = {one.entry for one in entries if one.owner == owner and not one.is_withdrawn}
-        own |= {one.entry for one in waiting if one.owner == owner}
-        if name not in own and len(own) >= terms.entries_per_owner:
-            raise InputError(
-                f"the season takes {quantity(terms.entries_per_owner, 'entry', 'entries')} of one owner, and you have "
-                f"{', '.join(sorted(own))}; submit a new version with --name, or --withdraw one first"
-            )
+        self._check_has_room(request, entries, waiting)
+        if len(waiting) >= _MOST_WAITING or sum(one.n_bytes for one in waiting) > _MOST_WAITING_LARGE * self._most_bytes:
+            raise InputError(f"{len(waiting)} submissions wait for their checks; come again later")
         since_s = self._clock() - _DAY_S
         n_today = len(self._store.submissions(self._league, owner=owner, since_s=since_s, most=terms.per_day))
         if n_today >= terms.per_day:
             raise InputError(
                 f"the season takes {quantity(terms.per_day, 'submission')} of one owner in 24 hours; come again later"
+            )
+
+    def _check_has_room(self, request: SeasonRequest, entries: Sequence[SeasonEntry], waiting: Sequence[Submission]) -> None:
+        """Refuse one entry more of an owner than the season takes."""
+        owner, most = to_text(request.entry), self._terms.entries_per_owner
+        own = {one.entry for one in entries if one.owner == owner and not one.is_withdrawn}
+        own |= {one.entry for one in waiting if one.owner == owner}
+        if request.name not in own and len(own) >= most:
+            raise InputError(
+                f"the season takes {quantity(most, 'entry', 'entries')} of one owner, and you have {', '.join(sorted(own))}; "
+                "submit a new version with --name, or --withdraw one first"
             )
 
     def _check_is_open(self) -> None:
@@ -247,6 +266,7 @@ class OwnerRequests:
         numbers = [one.number for one in self._versions(request.name)]
         if request.number not in numbers:
             raise InputError(f"{request.name} has no version {request.number}; it has {', '.join(map(str, numbers))}")
+        self._check_has_room(request, self._store.entries(self._league), self._store.submissions(self._league, state=WAITING))
         self._store.play_version(self._league, entry, request.number)
         self._on_change()
         return SeasonAnswer(text=f"version {request.number} of {request.name} plays from now on")

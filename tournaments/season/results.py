@@ -12,8 +12,8 @@ from tournaments.ratings.davidson import Floats
 from tournaments.ratings.standings import Record
 from tournaments.season.choosing import Ints
 
-MOST_RATED = 400
-"""Versions that are rated at once: current ones, and of the others those that have met them most often."""
+MOST_EARLIER = 100
+"""Earlier versions that are rated beside the current ones: those that have met them most often."""
 
 
 class Results:
@@ -97,7 +97,7 @@ class Results:
                 if other not in known:
                     n_met[other] = n_met.get(other, 0) + self.n_between(label, other)
         earlier = sorted(n_met, key=lambda label: (-n_met[label], label))
-        return [*current, *earlier[: max(MOST_RATED - len(current), 0)]]
+        return [*current, *earlier[:MOST_EARLIER]]
 
     def n_between(self, one: str, other: str) -> int:
         """Return how many matches two have played."""

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from arena.protocol.identity import from_text
 from policies.workers.files import fighter_in
@@ -21,6 +22,8 @@ class Roster:
 
     entries: Mapping[str, SeasonEntry]
     fighters: Mapping[str, Fighter]
+    think_s: Mapping[str, float]
+    """What a turn of each takes, as far as it was measured, in seconds of a core."""
     follows: tuple[tuple[str, str], ...]
     """Each version of these entries that has one after it, and that one, by labels."""
 
@@ -34,19 +37,21 @@ class Roster:
         return [Player(label=label, owner=self.entries[label].owner) for label in self.labels]
 
 
-def read_roster(store: SeasonStore, row: StoredLeague, league: League, folder: Path) -> Roster:
+def read_roster(store: SeasonStore, row: StoredLeague, league: League, folder: Path, think_s: Mapping[str, float]) -> Roster:
     """Return who plays now.
 
     Parameters
     ----------
     folder
         Of the season, where its submissions are.
+    think_s
+        What is known of turns already, by label.
     """
     playing = [entry for entry in store.entries(row) if not entry.is_withdrawn]
     versions: dict[str, list[Version]] = {}
     for version in store.versions(row):
         versions.setdefault(version.entry, []).append(version)
-    fighters = {}
+    fighters, known_s = {}, {}
     for entry in playing:
         if entry.owner == ORGANISER:
             name = entry.entry
@@ -56,15 +61,24 @@ def read_roster(store: SeasonStore, row: StoredLeague, league: League, folder: P
         else:
             [version] = [one for one in versions[entry.entry] if one.number == entry.number]
             fighters[entry.label] = fighter_of(version, league, folder)
+        known = think_s.get(entry.label)
+        known_s[entry.label] = _read_think_s(store.find_report(row, entry.entry, entry.number)) if known is None else known
     return Roster(
         entries={entry.label: entry for entry in playing},
         fighters=fighters,
+        think_s=known_s,
         follows=tuple(
             (before.label, after.label)
             for entry in playing
             for before, after in zip(versions[entry.entry], versions[entry.entry][1:], strict=False)
         ),
     )
+
+
+def _read_think_s(report: Mapping[str, Any] | None) -> float:
+    """Return the median turn of a check; 0 where none was timed."""
+    times = None if report is None else report.get("times")
+    return 0.0 if times is None else float(times["median_ms"]) / 1_000
 
 
 def fighter_of(version: Version, league: League, folder: Path) -> Fighter:

@@ -5,9 +5,11 @@ the matches that were begun, reads the results that were not stored yet, and cou
 """
 
 import logging
+import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from tournaments.league.league import League
 from tournaments.outcome import Outcome
 from tournaments.ratings.standings import Standing
 from tournaments.reports.season_table import describe_season
+from tournaments.running.slots import SHARE
 from tournaments.season.choosing import NEWCOMER_ELO, choose_pairs
 from tournaments.season.phases import Phase
 from tournaments.season.results import Results, n_pairs_of
@@ -33,11 +36,17 @@ from tournaments.venues.open_venue import OpenVenue
 
 MOST_UNDER_WAY, LEAST_UNDER_WAY = 32, 12
 """Matches: when fewer than the second are under way, pairs are chosen up to the first."""
+LEAST_WHEN_BUSY, MOST_WHEN_BUSY = 4, 8
+"""The same while submissions are checked, whose turns are timed."""
 REST_ELO = 40.0
 """When everybody's 95% interval is as narrow as this, nothing is played until something changes."""
+ABSENT_S = 15.0
+"""Whoever joins by itself may be away for so long before what it has not begun is given up."""
 MOST_VOID = 4
 """Void matches of a version without any that counts in between; it is played no more."""
 RATE_EVERY_S = 1.0
+"""At most; and rating takes no more than the next share of the time."""
+MOST_RATING = 0.1
 logger = logging.getLogger(__name__)
 
 
@@ -54,24 +63,35 @@ class SeasonRunner:
         Returns the time, in seconds since 1970.
     rng
         Chooses between pairs that tell the same; nobody may know it before.
+    think_s
+        What a turn of the entries of its file takes, by label, as far as it was measured.
+    n_cores
+        That matches are played on.
     """
 
     def __init__(
         self, league: League, store: SeasonStore, row: StoredLeague, secret: bytes, venue: OpenVenue, *,
         folder: Path, journals: Path, clock: Callable[[], float], rng: np.random.Generator,
+        think_s: Mapping[str, float] | None = None, n_cores: int = 1,
     ) -> None:  # fmt: skip
         self._league, self._store, self._secret, self._venue = league, store, secret, venue
         self._folder, self._journals, self._clock, self._rng = folder, journals, clock, rng
         self.row = row
         self.results = Results(store.count_results(row), stored := store.identities(row), store.count_forfeits(row))
-        self.roster: Roster = read_roster(store, row, league, folder)
-        self.table: Table = self._rate()
+        self.roster: Roster = read_roster(store, row, league, folder, think_s or {})
+        turn_time_s = league.time_control.turn_time_s
+        self._most_thinking_s = inf if turn_time_s is None else SHARE * turn_time_s * n_cores
+        self.table: Table = rate_season(self.results, self.roster.labels, self.roster.follows)
         self._plans: dict[str, MatchPlan] = {}
         self._n_void: Counter[str] = Counter()
-        self._rated_at_s = -RATE_EVERY_S
+        self._withdrawn: set[str] = set()
+        """Matches that are void for no fault of those who were to play them, unless they had begun."""
+        self._absent_since_s: dict[str, float] = {}
+        self._rated_at_s, self._rate_every_s = 0.0, RATE_EVERY_S
         self._is_rated = False
         self.n_waiting = 0
         """Submissions that wait for their check, as the page shows it."""
+        self._invite()
         self._resume(stored)
 
     @property
@@ -84,20 +104,24 @@ class SeasonRunner:
         """The labels that are played no more, since their matches were void again and again."""
         return sorted(label for label in self.roster.entries if self._n_void[label] >= MOST_VOID)
 
-    def step(self, phase: Phase, *, may_choose: bool = True) -> list[Outcome]:
+    def step(self, phase: Phase, *, may_choose: bool = True, is_busy: bool = False) -> list[Outcome]:
         """Do what is to be done now, and return the matches that were counted.
 
         Parameters
         ----------
         may_choose
             Whether new pairs may begin; else only what is under way is played.
+        is_busy
+            Whether the machine has something else to do, too.
         """
         self._refresh()
-        if may_choose and self.n_under_way < LEAST_UNDER_WAY:
-            self._choose()
+        self._take_off_the_absent()
+        least, most = (LEAST_WHEN_BUSY, MOST_WHEN_BUSY) if is_busy else (LEAST_UNDER_WAY, MOST_UNDER_WAY)
+        if may_choose and self.n_under_way < least:
+            self._choose(most)
         counted = [outcome for outcome in self._venue.receive() if self._count(outcome)]
         now_s = self._clock()
-        if not self._is_rated and (now_s - self._rated_at_s >= RATE_EVERY_S or not self._plans):
+        if not self._is_rated and (now_s - self._rated_at_s >= self._rate_every_s or not self._plans):
             self.table = self._rate()
             self.publish(phase)
             self._is_rated, self._rated_at_s = True, now_s
@@ -142,7 +166,7 @@ class SeasonRunner:
         if row.hash == self.row.hash:
             return
         before, table = self.roster, self.table
-        self.row, self.roster = row, read_roster(self._store, row, self._league, self._folder)
+        self.row, self.roster = row, read_roster(self._store, row, self._league, self._folder, before.think_s)
         gone = set(before.entries) - set(self.roster.entries)
         for label in gone & table.ratings.keys():
             rating, entry = table.ratings[label], before.entries[label]
@@ -150,11 +174,36 @@ class SeasonRunner:
             found["matches"] = self.results.record(label).n_matches
             self._store.keep_rating(row, entry.entry, entry.number, found)
         if gone:
+            self._withdrawn |= {one.identity for one in self._plans.values() if not gone.isdisjoint((one.blue, one.red))}
             self._venue.withdraw(gone, "another version plays")
+        self._invite()
         self.table, self._is_rated = self._rate(), False
 
+    def _invite(self) -> None:
+        """Let in those who join by themselves, before there is a match for them: whoever is not there gets none."""
+        self._venue.add({label: one for label, one in self.roster.fighters.items() if one.public_key is not None}, [])
+
     def _rate(self) -> Table:
-        return rate_season(self.results, self.roster.labels, self.roster.follows)
+        """Rate everybody anew; what takes long is done less often."""
+        begun_s = time.perf_counter()
+        table = rate_season(self.results, self.roster.labels, self.roster.follows, self.table)
+        self._rate_every_s = max(RATE_EVERY_S, (time.perf_counter() - begun_s) / MOST_RATING)
+        return table
+
+    @property
+    def _absent(self) -> set[str]:
+        """The labels that join by themselves and are not there."""
+        remote = {label for label, fighter in self.roster.fighters.items() if fighter.public_key is not None}
+        return remote - self._venue.present
+
+    def _take_off_the_absent(self) -> None:
+        """Give up what nobody begins to play, since one of the two has left: it would keep others waiting."""
+        now_s = self._clock()
+        waiting = {label for plan in self._plans.values() for label in (plan.blue, plan.red)} & self._absent
+        self._absent_since_s = {label: self._absent_since_s.get(label, now_s) for label in waiting}
+        gone = {label for label, since_s in self._absent_since_s.items() if now_s - since_s >= ABSENT_S}
+        if gone:
+            self._venue.withdraw(gone, "it is not there")
 
     def _count(self, outcome: Outcome) -> bool:
         """Store a match that ended; False if it was void, or stored before."""
@@ -162,8 +211,13 @@ class SeasonRunner:
         if plan is None:
             return False
         labels = (outcome.blue, outcome.red)
+        was_withdrawn = outcome.identity in self._withdrawn
+        self._withdrawn.discard(outcome.identity)
         if outcome.result.ending is Termination.VOID:
-            self._n_void.update(labels)
+            if self._absent & set(labels):
+                return False
+            if not was_withdrawn:
+                self._n_void.update(labels)
             if all(label in self.roster.entries and self._n_void[label] < MOST_VOID for label in labels):
                 self._add([plan])
             return False
@@ -175,13 +229,10 @@ class SeasonRunner:
             return True
         return False
 
-    def _choose(self) -> None:
-        """Give the venue the pairs that tell most."""
-        away = {
-            label for label, fighter in self.roster.fighters.items()
-            if fighter.public_key is not None and label not in self._venue.present
-        }  # fmt: skip
-        labels = [label for label in self.table.labels if label not in away and label not in self.suspended]
+    def _choose(self, most: int) -> None:
+        """Give the venue the pairs that tell most, until so many matches are under way, or so many that nobody is made late."""
+        left_out = {*self._absent, *self.suspended}
+        labels = [label for label in self.table.labels if label not in left_out]
         if len(labels) < 2:
             return
         known = self.table.part(labels)
@@ -190,14 +241,24 @@ class SeasonRunner:
         index = {label: number for number, label in enumerate(labels)}
         under_way = {tuple(LeagueMatchId.parse(identity).pair_id.split("/")[1:]) for identity in self._plans}
         players = [player for player in self.roster.players() if player.label in index]
-        n_wanted = (MOST_UNDER_WAY - self.n_under_way) // 2
+        n_wanted = (most - self.n_under_way) // 2
         chosen = choose_pairs(
             players, known, n_pairs_of(self.results.table(labels)), n_wanted, self._rng,
             [(index[one], index[other]) for one, other, _ in sorted(under_way) if {one, other} <= index.keys()],
         )  # fmt: skip
         for pair in chosen:
             one, other = sorted((labels[pair[0]], labels[pair[1]]))
+            if self._plans and self._thinking_s + 2 * self._think_s(one, other) > self._most_thinking_s:
+                return
             self._add(self._plan(one, other, self.results.take_pair(one, other)))
+
+    @property
+    def _thinking_s(self) -> float:
+        """What a turn of all matches that are under way takes together, in seconds of a core."""
+        return sum(self._think_s(plan.blue, plan.red) for plan in self._plans.values())
+
+    def _think_s(self, *labels: str) -> float:
+        return sum(self.roster.think_s.get(label, 0.0) for label in labels)
 
     def _is_known(self, covariance: np.ndarray[Any, Any]) -> bool:
         """Whether the strengths are known well enough."""

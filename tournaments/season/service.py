@@ -19,6 +19,7 @@ from arena.network.address import Address
 from arena.network.session import open_router
 from arena.pit.register import Register, read_invites
 from arena.protocol.identity import Identity
+from tournaments.league.entries import REMOTE
 from tournaments.league.league import League, LeagueError
 from tournaments.league.secret import commit_to, find_secret
 from tournaments.outcome import Outcome
@@ -49,6 +50,8 @@ class SeasonEvents:
     on_open: Callable[[Address], None] = lambda _: None
     """Told where authors submit."""
     on_phase: Callable[[Phase], None] = lambda _: None
+    on_versions: Callable[[list[str], list[str]], None] = lambda *_: None
+    """Told of the labels that play from now on, and of those that do no more."""
     on_invitation: Callable[[Mapping[str, str]], None] = lambda _: None
     """Told with which command each entry joins that comes by itself, where that is known."""
 
@@ -72,6 +75,8 @@ class Season:
 
     Parameters
     ----------
+    think_s
+        What a turn of each of its file's entries takes, as far as it was measured.
     clock
         Seconds since 1970.
     """
@@ -83,6 +88,7 @@ class Season:
         folders: Folders,
         *,
         events: SeasonEvents,
+        think_s: Mapping[str, float],
         clock: Callable[[], float] = time.time,
     ) -> None:
         if league.season is None:
@@ -90,11 +96,13 @@ class Season:
                 f"league {league.name} is no season; write [season] into its file, or play it: arena tournament run"
             )
         self._league, self._terms, self._store, self._folders = league, league.season, store, folders
-        self._events, self._clock = events, clock
+        self._events, self._clock, self._think_s = events, clock, think_s
         self._folder = folders.season(league.name)
         self._locks = ExitStack()
         self.state = SeasonState()
         self._phase: Phase | None = None
+        self._address: Address | None = None
+        """Of the pit that is open, for those who join by themselves."""
 
     def __enter__(self) -> Self:
         league, store = self._league, self._store
@@ -121,7 +129,7 @@ class Season:
         if self.row.secret is not None:
             self._enter_phase(Phase.OVER)
             return
-        with self._submissions() as (desk, intake):
+        with self._submissions(venue) as (desk, intake):
             yield from self._play(venue, is_stopped, desk, intake)
             if is_stopped():
                 return
@@ -129,7 +137,7 @@ class Season:
             yield from self._play_final(venue, is_stopped)
 
     @contextmanager
-    def _submissions(self) -> Iterator[tuple[Desk, Intake]]:
+    def _submissions(self, venue: str) -> Iterator[tuple[Desk, Intake]]:
         """Take submissions, and check them."""
         league, terms, store = self._league, self._terms, self._store
         identity = load_or_make(self._folders.keys / league.name / "season.key")
@@ -147,6 +155,7 @@ class Season:
             store, self.row, terms, folder, self._folders.journals(league.name),
             Register(self._folder / "register.json", invites),
             clock=self._clock, on_submission=intake.wake, on_change=lambda: None, describe=self._describe_entry,
+            why_not_remote=_why_not_remote(league, venue),
         )  # fmt: skip
         address = Address(endpoint=terms.submissions, pit=league.name, fingerprint=identity.fingerprint)
         with open_router(address.endpoint, address.pit) as session, intake, self._desk(session, identity, owners) as desk:
@@ -157,10 +166,16 @@ class Season:
         return Desk(session, self._league.name, identity, owners)
 
     def _describe_entry(self, entry: SeasonEntry) -> dict[str, Any]:
-        """Return what the owner of an entry is told beside its own versions: where it stands, and where its page is."""
+        """Return what the owner of an entry is told beside its own versions: where it stands, where its page is, and its pit."""
         table = self._store.standings(self.row)
         rows = [] if table is None else [row for row in table["rows"] if row["label"] == entry.label]
-        return {"standing": rows[0] if rows else None, "page": self._terms.page}
+        is_remote = any(one.label == entry.label and one.spec.startswith(REMOTE) for one in self._store.versions(self.row))
+        command = f"arena join '{self._address}' --name {entry.label} --key FILE --forever"
+        return {
+            "standing": rows[0] if rows else None,
+            "page": self._terms.page,
+            "join": command if is_remote and self._address is not None else "",
+        }
 
     def _play(self, venue: str, is_stopped: Callable[[], bool], desk: Desk, intake: Intake) -> Iterator[Outcome]:
         """Play the season itself, until its final is to begin and nothing is under way any more."""
@@ -171,9 +186,11 @@ class Season:
             listen=league.listen,
         )  # fmt: skip
         with open_venue(venue, setting) as pit:
+            self._address = pit.address if self._league.listen else None
             runner = SeasonRunner(
                 league, self._store, self.row, self._secret, pit, folder=self._folder, journals=setting.journals,
                 clock=self._clock, rng=np.random.default_rng(int.from_bytes(os.urandom(16), "big")),
+                think_s=self._think_s, n_cores=len(os.sched_getaffinity(0)),
             )  # fmt: skip
             next_look_s = 0.0
             phase = Phase.OPEN
@@ -191,10 +208,14 @@ class Season:
                         runner.publish(phase)
                 if phase is Phase.FINAL and not runner.n_under_way:
                     break
-                for outcome in runner.step(phase, may_choose=phase is not Phase.FINAL):
+                before = runner.roster.entries.keys()
+                for outcome in runner.step(phase, may_choose=phase is not Phase.FINAL, is_busy=intake.is_checking):
                     self._count(outcome)
                     yield outcome
                 self._note(runner)
+                now = runner.roster.entries.keys()
+                if now != before:
+                    self._events.on_versions(sorted(now - before), sorted(before - now))
             self.row, self._roster = runner.row, runner.roster
             self._publish = runner.publish
 
@@ -228,3 +249,12 @@ class Season:
     def _note(self, runner: SeasonRunner) -> None:
         self.state.n_matches, self.state.n_playing = runner.results.n_matches, runner.n_under_way
         self.state.n_waiting, self.state.looked_at_s = runner.n_waiting, time.monotonic()
+
+
+def _why_not_remote(league: League, venue: str) -> str:
+    """Return why no entry of a season can join by itself, or nothing."""
+    if venue != "network":
+        return "this season plays where nobody joins by itself; submit the bot without --remote"
+    if league.maps != "fresh":
+        return "this season plays each map twice, which who joins by itself may remember; submit the bot without --remote"
+    return ""

@@ -66,13 +66,13 @@ class SubmittedFolder:
         """Delete what waited."""
         self._packed(entry, digest).unlink(missing_ok=True)
 
-    def clear(self, waiting: Collection[tuple[str, str]]) -> None:
-        """Delete what a process left that was killed: all but what waits, by entry and digest, and what plays."""
+    def clear(self, waiting: Collection[tuple[str, str]], specs: Collection[str]) -> None:
+        """Delete what a process left that was killed: all but what waits, by entry and digest, and what versions are."""
         kept = {self._packed(entry, digest) for entry, digest in waiting}
         for path in self._folder.iterdir():
-            if path.name.startswith(_CHECKING) and path.is_dir():
+            if path.is_dir() and f"{_FOLDER}/{path.name}" not in specs:
                 shutil.rmtree(path, ignore_errors=True)
-            elif path.name.startswith(_CHECKING) or (path.suffix == _PACKED and path not in kept):
+            elif path.is_file() and path not in kept:
                 path.unlink(missing_ok=True)
 
     def _packed(self, entry: str, digest: str) -> Path:

@@ -21,6 +21,8 @@ class Table:
     posterior: Posterior
     """Of `labels` alone, in their order."""
     ratings: Mapping[str, Rating]
+    fitted: Mapping[str, float]
+    """The strengths of all that were rated, earlier versions too: where the next fit begins."""
 
     def part(self, labels: Sequence[str]) -> Posterior:
         """Return what is known of some of the labels."""
@@ -28,7 +30,9 @@ class Table:
         return _part(self.posterior, [index[label] for label in labels])
 
 
-def rate_season(results: Results, labels: Sequence[str], follows: Sequence[tuple[str, str]]) -> Table:
+def rate_season(
+    results: Results, labels: Sequence[str], follows: Sequence[tuple[str, str]], before: Table | None = None
+) -> Table:
     """Rate the current versions.
 
     Parameters
@@ -37,13 +41,25 @@ def rate_season(results: Results, labels: Sequence[str], follows: Sequence[tuple
         Of the current versions.
     follows
         Each version that has one after it, and that one.
+    before
+        An earlier table, from which the fit is nearer.
     """
     rated = results.find_rated(labels)
     index = {label: number for number, label in enumerate(rated)}
     places = [(index[before], index[after]) for before, after in follows if before in index and after in index]
-    known = _part(fit_counts(results.table(rated), follows=places), range(len(labels)))
+    whole = fit_counts(results.table(rated), follows=places, start=None if before is None else _start(rated, before))
+    known = _part(whole, range(len(labels)))
     ratings = ratings_of(labels, known, n_draws=_N_DRAWS).entries if labels else {}
-    return Table(labels=tuple(labels), posterior=known, ratings=ratings)
+    return Table(
+        labels=tuple(labels), posterior=known, ratings=ratings, fitted=dict(zip(rated, whole.strengths.tolist(), strict=True))
+    )
+
+
+def _start(rated: Sequence[str], before: Table) -> Posterior:
+    """Return where a fit of these labels begins; nothing but its parameters is looked at."""
+    strengths = np.array([before.fitted.get(label, 0.0) for label in rated])
+    known = before.posterior
+    return Posterior(strengths=strengths, side=known.side, draw=known.draw, covariance=known.covariance)
 
 
 def _part(known: Posterior, places: Sequence[int]) -> Posterior:

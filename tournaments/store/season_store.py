@@ -149,6 +149,17 @@ class SeasonStore(Store):
         rows = self._do("read", lambda connection: connection.execute(query).all())
         return [_submission(row) for row in reversed(rows)]
 
+    def find_report(self, league: StoredLeague, entry: str, number: int) -> Mapping[str, Any] | None:
+        """Return what the check found of a version; None if it was not checked."""
+        query = (
+            select(SUBMISSIONS.c.report)
+            .where(SUBMISSIONS.c.league_id == league.id, SUBMISSIONS.c.entry == entry, SUBMISSIONS.c.number == number)
+            .order_by(SUBMISSIONS.c.id.desc())
+            .limit(1)
+        )
+        report = self._do("read", lambda connection: connection.scalar(query))
+        return None if report is None else dict(json.loads(report))
+
     def refuse(self, league: StoredLeague, submission: Submission, says: str, report: Mapping[str, Any] | None = None) -> None:
         """Keep why a submission is not played."""
         values = {"state": REFUSED, "says": says, "report": None if report is None else json.dumps(report)}

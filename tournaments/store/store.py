@@ -47,6 +47,11 @@ class StoredLeague:
     """None until the league is closed for good: who knows it knows the maps of matches that could still be added."""
 
     @property
+    def is_season(self) -> bool:
+        """Whether its entries are submitted, and its pairs chosen as it goes on."""
+        return "season" in self.definition
+
+    @property
     def labels(self) -> dict[str, str]:
         """What the current version of each entry plays under, by entry."""
         return {entry_of(label): label for label in self.definition["entries"]}
@@ -80,7 +85,7 @@ class Store(Database):
             the edit. Or it is closed, and was given more to play.
         """
         before = self.find(name)
-        if before is not None and "season" not in before.definition and self.count(before) == 0:
+        if before is not None and not before.is_season and self.count(before) == 0:
             before = None  # nothing was played: it may still become another league
         known = [] if before is None else self.versions(before)
         versions = match_versions(definition["entries"], known)
@@ -117,7 +122,7 @@ class Store(Database):
         """Return every version of every entry that a league had, in the order of entries and numbers."""
         query = select(VERSIONS).where(VERSIONS.c.league_id == league.id).order_by(VERSIONS.c.number)
         rows = self._do("read", lambda connection: connection.execute(query).all())
-        return sorted((_version(row) for row in rows), key=lambda one: (one.entry, one.number))
+        return sorted((read_version(row) for row in rows), key=lambda one: (one.entry, one.number))
 
     def close(self, league: StoredLeague, secret: bytes) -> StoredLeague:
         """Close a league whose lock is held, for good: its secret may be known from now on, and no pairs are added to it."""
@@ -249,7 +254,7 @@ def _league(row: Any) -> StoredLeague:
     return StoredLeague(id=row.id, name=row.name, hash=row.hash, definition=definition, n_pairs=row.n_pairs, secret=secret)
 
 
-def _version(row: Any) -> Version:
+def read_version(row: Any) -> Version:
     rating = None if row.rating is None else json.loads(row.rating)
     return Version(
         entry=row.entry, number=row.number, fingerprint=row.fingerprint, entered_at=row.entered_at, spec=row.spec, rating=rating

@@ -1,10 +1,16 @@
 // Starts the page that the server chose, with what stands in its address.
-import { spectatorKey, start } from "./dom.js";
+import { ownerToken, spectatorKey, start } from "./dom.js";
 
-const given = new URLSearchParams(location.hash.slice(1)).get("key");
-if (given) {
-  spectatorKey.set(given);
-  history.replaceState(null, "", location.pathname + location.search); // so that nobody copies it with the address
+/** Keep what the address brings that nobody else may see; returns whether it brings any. */
+function keepSecrets() {
+  const given = new URLSearchParams(location.hash.slice(1));
+  const those = Object.entries({ key: spectatorKey, token: ownerToken }).filter(([name]) => given.get(name));
+  those.forEach(([name, kept]) => kept.set(given.get(name)));
+  if (those.length) history.replaceState(null, "", location.pathname + location.search); // so that nobody copies it with the address
+  return those.length > 0;
 }
+
+keepSecrets();
+addEventListener("hashchange", () => keepSecrets() && location.reload());
 const page = await import(start.script);
 page.show(document.getElementById("main"), ...start.parameters);

@@ -77,3 +77,10 @@ export const spectatorKey = {
   get: () => sessionStorage.getItem("spectator-key") ?? "",
   set: (key) => (key ? sessionStorage.setItem("spectator-key", key) : sessionStorage.removeItem("spectator-key")),
 };
+
+/** Where the token of an entry's owner is kept: for this page, in this tab alone. */
+export const ownerToken = {
+  name: () => `owner-token ${location.pathname}`,
+  get: () => sessionStorage.getItem(ownerToken.name()) ?? "",
+  set: (token) => (/^[\w-]+$/.test(token) ? sessionStorage.setItem(ownerToken.name(), token) : sessionStorage.removeItem(ownerToken.name())),
+};

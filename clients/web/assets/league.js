@@ -1,18 +1,12 @@
 // The leaderboards of the store, live: of leagues, ratings with their intervals, the cross table, and every replay; of ladders, the ratings.
 import { ask, fill, h, route, setText, signed } from "./dom.js";
 import { address, describe, formatScore } from "./head_to_head.js";
+import { Leaderboard } from "./leaderboard.js";
+import { draw, roundNumbers } from "./plot.js";
+import { listSeasons } from "./seasons.js";
 
 const EVERY_MS = 5000;
 const WIDEST_PLOT = 760;
-const SVG = "http://www.w3.org/2000/svg";
-
-/** About `n` round numbers between two. */
-function roundNumbers(low, high, n) {
-  const least = (high - low) / n || 1;
-  const power = 10 ** Math.floor(Math.log10(least));
-  const step = power * [1, 2, 5, 10].find((factor) => factor * power >= least);
-  return Array.from({ length: Math.floor((high - low) / step) + 1 }, (_, index) => (Math.ceil(low / step) + index) * step + 0).filter((one) => one <= high);
-}
 
 export function show(main) {
   new LeaguePage(main).begin();
@@ -23,15 +17,15 @@ class LeaguePage {
     document.title = "Leaderboard - Arena";
     this.query = new URLSearchParams(location.search);
     this.state = h("p", { class: "state", role: "status" }, "Looking for leagues...");
+    this.seasons = h("div");
     this.choice = h("select", { id: "league", onchange: () => this.choose(this.choice.value) });
-    this.table = h("div", { class: "scroll" });
+    this.leaderboard = new Leaderboard();
     this.plot = h("div");
     this.cross = h("div", { class: "scroll" });
     this.fixture = h("div", { id: "fixture", tabindex: -1 });
     this.met = h("div", {}, h("h2", {}, "Cross table"), h("p", { class: "hint" }, "What the row scored against the column, from 0 to 1. Choose a cell for its replays."), this.cross, this.fixture);
-    this.body = h("div", { hidden: true }, h("h2", {}, "Ratings"), this.table, this.plot, this.met);
-    main.append(h("h1", {}, "Leaderboard"), h("div", { class: "controls" }, h("label", { for: "league" }, "League or ladder"), this.choice), this.state, this.body);
-    this.order = { name: "rank", isDown: false };
+    this.body = h("div", { hidden: true }, h("h2", {}, "Ratings"), this.leaderboard.element, this.plot, this.met);
+    main.append(h("h1", {}, "Leaderboard"), h("div", { class: "controls" }, h("label", { for: "league" }, "League or ladder"), this.choice), this.seasons, this.state, this.body);
     this.chosen = null;
   }
 
@@ -52,7 +46,9 @@ class LeaguePage {
 
   async refresh() {
     const { leagues = [], ladders = [], error } = await ask(route("leagues"));
+    const { seasons = [] } = await ask(route("seasons"));
     const all = [...leagues.map((name) => ["name", name]), ...ladders.map((name) => ["ladder", name])];
+    fill(this.seasons, listSeasons(seasons));
     if (error || !all.length) {
       this.announce(error ?? "There is no league yet. Make one with: arena tournament init friday.toml", Boolean(error));
       return;
@@ -77,7 +73,7 @@ class LeaguePage {
 
   drawLadder() {
     this.announce(`The ladder of the pit \u201c${this.report.ladder}\u201d; this page follows.`);
-    fill(this.table, this.leaderboard());
+    this.leaderboard.show(this.report.leaderboard);
     fill(this.plot, null);
   }
 
@@ -86,33 +82,10 @@ class LeaguePage {
     const { played, planned, complete } = report.matches;
     const verdict = report.sprt ? ` ${report.sprt.says}.` : "";
     this.announce(`${report.league.name}: ${played} of ${verdict ? "at most " : ""}${planned} matches are played${complete ? "" : "; this page follows"}.${verdict} Rules ${report.league.ruleset}.`);
-    fill(this.table, this.leaderboard());
+    this.leaderboard.show(this.report.leaderboard);
     this.drawPlot();
     fill(this.cross, this.crossTable());
     this.showFixture();
-  }
-
-  /** The report's leaderboard, sorted by the column that was chosen; what is not known stays below. */
-  leaderboard() {
-    const { columns, rows } = this.report.leaderboard;
-    const { isDown } = this.order;
-    const column = Math.max(0, columns.findIndex((one) => one.name === this.order.name));
-    const value = (row) => row[column].key ?? `${row[column].text}`;
-    const known = rows.filter((row) => value(row) !== "");
-    const isNumeric = known.every((row) => !Number.isNaN(Number(value(row))));
-    const compare = (one, other) => (isNumeric ? value(one) - value(other) : value(one).localeCompare(value(other)));
-    const sorted = [...known.toSorted((one, other) => (isDown ? -1 : 1) * compare(one, other)), ...rows.filter((row) => value(row) === "")];
-    const heads = columns.map(({ name, meaning, is_low_first }, index) => h("th", { scope: "col", title: meaning || null, "aria-sort": index === column ? (isDown ? "descending" : "ascending") : "none" },
-      h("button", { type: "button", onclick: () => this.sort(name, is_low_first) }, `${name}${index === column ? (isDown ? " \u25be" : " \u25b4") : ""}`)));
-    return h("table", { "aria-label": "Ratings" }, h("thead", {}, h("tr", {}, heads)), h("tbody", {}, sorted.map((row) => h("tr", {},
-      row.map(({ text }, index) => (columns[index].name === "entry" ? h("th", { scope: "row" }, text) : h("td", { class: "number" }, `${text}`)))))));
-  }
-
-  sort(name, isLowFirst) {
-    this.order = { name, isDown: this.order.name === name ? !this.order.isDown : !isLowFirst };
-    const isFocused = this.table.contains(document.activeElement);
-    this.table.replaceChildren(this.leaderboard());
-    if (isFocused) [...this.table.querySelectorAll("thead button")].find((button) => button.textContent.startsWith(name)).focus();
   }
 
   drawPlot() {
@@ -127,12 +100,6 @@ class LeaguePage {
     const [left, line] = [Math.min(170, 0.36 * width), 26];
     const [nLetters, bottom] = [Math.floor((left - 14) / 8), line * rows.length + 8];
     const x = (elo) => left + ((elo - low) / (high - low || 1)) * (width - left - 20);
-    const draw = (tag, properties, text = "") => {
-      const element = document.createElementNS(SVG, tag);
-      for (const [name, value] of Object.entries(properties)) element.setAttribute(name, value);
-      element.textContent = text;
-      return element;
-    };
     const picture = draw("svg", { width, height: bottom + 18, role: "img", class: "plot", "aria-label": "Ratings with their 95% intervals; the table above has the numbers" });
     for (const elo of roundNumbers(low, high, width / 100)) {
       picture.append(draw("line", { x1: x(elo), x2: x(elo), y1: 0, y2: bottom, class: elo ? "rule" : "zero" }),

@@ -2,8 +2,10 @@
 import { ask, fill, h, route, setText, spectatorKey } from "./dom.js";
 import { LastMatch } from "./last_match.js";
 import { number, resultTable, table } from "./results.js";
+import { listSeasons } from "./seasons.js";
 
 const EVERY_MS = 1000;
+const SEASONS_MS = 30_000;
 
 export function show(main) {
   document.title = "Lobby - Arena";
@@ -13,6 +15,7 @@ export function show(main) {
   const running = h("div");
   const waiting = h("p");
   const over = h("div");
+  const seasons = h("div");
   const standings = h("div");
   const command = h("code", {}, "");
   const last = new LastMatch();
@@ -26,7 +29,7 @@ export function show(main) {
         rules, publicity,
         h("h2", {}, "Open seats"), waiting,
         h("h2", {}, "Running matches"), running,
-        h("h2", {}, "Latest results"), over, standings),
+        h("h2", {}, "Latest results"), over, standings, seasons),
       last.section),
     keyForm(),
   );
@@ -46,8 +49,14 @@ export function show(main) {
     fill(rules, ...(lobby ? formatRules(lobby) : []));
     last.refresh(answer.results);
   }
+  async function refreshSeasons() {
+    const { seasons: names = [] } = await ask(route("seasons"));
+    fill(seasons, names.length ? h("h2", {}, "Seasons") : null, listSeasons(names));
+  }
   refresh();
+  refreshSeasons();
   setInterval(() => document.hidden || refresh(), EVERY_MS);
+  setInterval(() => document.hidden || refreshSeasons(), SEASONS_MS);
 }
 
 function formatPublicity(delay) {

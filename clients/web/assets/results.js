@@ -16,13 +16,13 @@ function formatOutcome({ winner, ending, score }) {
   return `${winner} ${ending === "tick_limit" ? `by ${Math.abs(score)} points` : `by ${words(ending)}`}`;
 }
 
-/** Matches as {blue, red, winner, ending, score, ticks, reason, href}, and perhaps `tags` ({name, meaning}). */
+/** Matches as {blue, red, winner, ending, score, ticks, reason, href}, and perhaps `tags` ({name, meaning}); some have no replay. */
 export function resultTable(name, matches) {
   return table(name, ["Blue", "Red", "Winner", "Ticks"], matches.map((one) => {
     const outcome = formatOutcome(one);
     return [
       ...["blue", "red"].map((side) => h("td", { class: side, title: one[side] }, one.winner === side ? h("b", {}, one[side]) : one[side])),
-      h("td", {}, h("a", { href: one.href, title: one.reason || "Replay", "aria-label": `Replay of ${one.blue} against ${one.red}: ${outcome}` }, outcome),
+      h("td", {}, one.href ? h("a", { href: one.href, title: one.reason || "Replay", "aria-label": `Replay of ${one.blue} against ${one.red}: ${outcome}` }, outcome) : outcome,
         (one.tags ?? []).flatMap((tag) => [" ", h("span", { class: "tag", title: tag.meaning }, tag.name)])),
       number(one.ticks),
     ];

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import pytest
 from chromium import browser, visit
@@ -82,9 +83,38 @@ class EvilLeagues:
         raise ArenaError(EVIL)
 
 
+class EvilSeasons:
+    """A store whose every season, entry and word of an owner is markup."""
+
+    def names(self) -> list[str]:
+        return [EVIL]
+
+    def season(self, name: str) -> dict[str, Any]:
+        columns = [{"name": one, "meaning": EVIL, "is_low_first": True} for one in ("rank", "entry")]
+        rows = [[{"text": EVIL, "key": None}, {"text": EVIL, "key": None, "tag": EVIL}]]
+        counts = {"matches": EVIL, "playing": EVIL, "waiting": EVIL}
+        facts = {"season": EVIL, "phase": EVIL, "deadline": None, "made_at": 0.0, "final": EVIL} | counts
+        return facts | {"leaderboard": {"columns": columns, "rows": rows}}
+
+    def entry(self, name: str, entry: str) -> dict[str, Any]:
+        rating = {"elo": 0.0, "elo_low": -1.0, "elo_high": 1.0, "matches": EVIL}
+        against = {"opponent": EVIL, "score": 0.5, "low": 0.0, "high": 1.0, "wins": EVIL, "draws": 0, "losses": 0}
+        match = {"identity": EVIL, "blue": EVIL, "red": EVIL, "winner": EVIL, "ending": EVIL, "score": 0, "ticks": EVIL}
+        return {
+            "season": EVIL, "entry": EVIL, "plays": EVIL, "is_frozen": False, "best": [against], "worst": [against],
+            "row": rating | {"rank_low": EVIL, "rank_high": EVIL, "version": EVIL},
+            "versions": [{"number": number, "entered_at": 0.0, "rating": rating} for number in (EVIL, 2)],
+            "matches": [match | {"reason": EVIL, "is_visible": True}],
+        }  # fmt: skip
+
+    def own(self, name: str, entry: str, token: str) -> dict[str, Any]:
+        given = {"received_at": 0.0, "state": EVIL, "says": EVIL, "number": EVIL, "n_bytes": EVIL, "lines": [EVIL]}
+        return {"entry": EVIL, "queue": EVIL, "submissions": [given], "log": EVIL}
+
+
 @pytest.fixture
 def home() -> Iterator[str]:
-    with serving(EvilPit(Address(), None, lambda _: None), EvilLeagues()) as home:
+    with serving(EvilPit(Address(), None, lambda _: None), EvilLeagues(), EvilSeasons()) as home:
         yield home
 
 
@@ -104,3 +134,18 @@ def test_markup_in_a_name_is_shown_as_it_is_written(home: str, visit: Callable[.
     league.locator(".state", has_text=f"This match cannot be shown: {EVIL}").wait_for()
     assert is_harmless(lobby)
     assert is_harmless(league)
+
+
+def test_markup_of_a_season_is_shown_as_it_is_written(home: str, visit: Callable[..., "Page"]) -> None:
+    page = visit(f"{home}/")
+    page.locator("p", has_text=f"Season: {EVIL}").wait_for()
+    assert is_harmless(page)
+    page.goto(f"{home}/seasons/{quote(EVIL.replace('/', ''))}")
+    page.locator("tbody th .tag", has_text=EVIL).wait_for()
+    assert is_harmless(page)
+    page.goto(f"{page.url}/{quote(EVIL.replace('/', ''))}#token=abc")
+    page.locator(".state", has_text=f"Version {EVIL} plays").wait_for()
+    page.get_by_role("region", name="What the last check found").get_by_text(EVIL).wait_for()
+    page.locator("svg.plot text", has_text=EVIL).wait_for()
+    assert page.get_by_role("region", name="Best opponents").get_by_role("link").text_content() == EVIL
+    assert is_harmless(page)

@@ -289,7 +289,8 @@ def test_the_document_holds_what_it_promises(tmp_path: Path) -> None:
     facts = json.loads(to_json(run(tmp_path, pretend)))
 
     assert list(facts) == [
-        "format", "league", "matches", "standings", "cross", "superiority", "side", "draw_rate", "residuals", "cycles", "wall",
+        "format", "league", "matches", "standings", "cross", "superiority", "side", "draw_rate", "residuals", "opponents",
+        "cycles", "wall",
     ]  # fmt: skip
     assert facts["matches"] == {"played": 12, "planned": 12, "complete": True, "ticks": 36, "endings": {"capture": 12}}
     assert [row["entry"] for row in facts["standings"]] == ["patrol", "random", "rush"]

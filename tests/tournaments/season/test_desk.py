@@ -124,6 +124,8 @@ def test_one_owner_has_as_many_entries_and_submissions_as_the_season_allows(open
     assert "takes 3 submissions of one owner in 24 hours" in refusal(ann.upload(LARGE, name="one"))
     season.now_s += 86_401
     assert isinstance(ann.upload(LARGE, name="one"), SeasonAnswer)
+    accept(season)
+    assert "takes 2 entries of one owner, and you have one, three" in refusal(ann.ask("roll-back", name="two", number=1))
 
 
 def test_nothing_is_taken_after_the_deadline_but_entries_can_be_withdrawn(open_season: OpenSeason, author: Connect) -> None:

@@ -152,6 +152,7 @@ def test_what_is_checked_by_a_process_that_is_killed_still_waits(season: Season)
             time.sleep(0.05)
         process.send_signal(signal.SIGKILL)
     assert len(season.kept()) == 2
+    (season.folder / "submissions" / digest_of(packed)).mkdir()  # as if it had died between two steps
 
     intake = season.intake(patience_s=1.0)
 
@@ -159,12 +160,3 @@ def test_what_is_checked_by_a_process_that_is_killed_still_waits(season: Season)
     assert [one.state for one in season.store.submissions(season.row)] == [WAITING]
     assert intake.check_next()
     assert [one.state for one in season.store.submissions(season.row)] == [REFUSED]
-
-
-def test_the_thread_checks_what_comes(season: Season) -> None:
-    with season.intake() as intake:
-        submit(season, pack())
-        intake.wake()
-        assert season.changed.wait(60.0)
-    assert [one.state for one in season.store.submissions(season.row)] == [ACCEPTED]
-    assert intake.failure is None
