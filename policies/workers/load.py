@@ -32,6 +32,8 @@ def load_walled(
 ) -> BatchFactory:
     """Return the fighter behind an entry's name; one whose sandbox has a wall, in processes of its own behind it.
 
+    Such a one is loaded as its first match begins. If it cannot be, its units stay, and nobody else's matches are disturbed.
+
     Parameters
     ----------
     patience_s
@@ -42,11 +44,11 @@ def load_walled(
     Raises
     ------
     InputError
-        The fighter cannot be loaded, or no wall can be built on this machine.
+        A fighter without a wall cannot be loaded, or no wall can be built on this machine.
     """
     sandbox = sandboxes.get(name)
     if sandbox is None or not sandbox.has_wall:
         return load_entry(specs, name)
     factory = WorkerFactory(specs[name], has_wall=True, limits=sandbox.limits, patience_s=patience_s, most_seats=most_seats)
-    factory.prepare()
+    factory.check()
     return factory

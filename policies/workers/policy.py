@@ -94,6 +94,10 @@ class WorkerFactory:
         """Return a policy whose seats are played by processes."""
         return WorkerPolicy(ruleset, team, n_seats, self)
 
+    def check(self) -> None:
+        """Raise `InputError` if no wall can be built on this machine."""
+        self._sandbox.check()
+
     def prepare(self, patience_s: float = LOAD_S) -> None:
         """Start the processes for the first matches, and return once they have loaded the fighter.
 
@@ -104,7 +108,7 @@ class WorkerFactory:
         PolicyError
             The fighter cannot be loaded.
         """
-        self._sandbox.check()
+        self.check()
         workers = [self._start() for _ in range(1 if self.is_shared else max(self._n_spare, 1))]
         with self._changed:
             self._changed.wait_for(lambda: all(worker.is_loaded or worker.failure for worker in workers), patience_s)

@@ -23,6 +23,7 @@ from tournaments.outcome import Outcome
 from tournaments.venues.client_pool import choose
 from tournaments.venues.local import play as play_local
 from tournaments.venues.network import NetworkPit
+from tournaments.venues.referee_process import MOST_PLANS
 from tournaments.venues.setting import Fighter, VenueSetting
 
 RUSH, PATROL, RANDOM = (Fighter(spec=name) for name in ("rush", "patrol", "random"))
@@ -117,17 +118,24 @@ def test_who_joins_by_itself_stays_while_it_has_nothing_to_play_and_idle_clients
     assert {outcome.result.ending for outcome in outcomes}.isdisjoint((Termination.FORFEIT, Termination.VOID))
 
 
-def test_the_matches_of_a_client_that_never_sits_down_are_void_and_others_go_on(
+def test_the_matches_of_a_client_that_never_sits_down_and_what_is_withdrawn_are_void_and_others_go_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tournament_processes, "MOST_DEATHS", 0)
     monkeypatch.setattr(tournament_processes, "_PATIENCE_S", 1)
     setting = replace(make_setting(tmp_path), time_control=TimeControl(turn_time_s=None, grace_s=0.1))
+    far, near = (Fighter(spec="key:", public_key=load_or_make(tmp_path / f"{name}.key").public) for name in ("far", "near"))
+    entries = {"one": RUSH, "two": PATROL, "three": Fighter(spec="no-such-fighter"), "far": far, "near": near}
+    withdrawn = plan("far", "near", MOST_PLANS)
     with NetworkPit(setting) as pit:
-        entries = {"one": RUSH, "two": PATROL, "three": Fighter(spec="no-such-fighter")}
-        pit.add(entries, [*plan("one", "three"), *plan("one", "two")])
+        pit.add(entries, [*withdrawn, *plan("one", "three"), *plan("one", "two")])
+        pit.withdraw(["far"], "it has not come")
         outcomes = receive_all(pit)
 
+    gone = [outcome for outcome in outcomes if "far" in (outcome.blue, outcome.red)]
+    outcomes = [outcome for outcome in outcomes if outcome not in gone]
+    assert {outcome.identity for outcome in gone} == {match.identity for match in withdrawn}
+    assert {(outcome.result.ending, outcome.result.reason) for outcome in gone} == {(Termination.VOID, "it has not come")}
     void = [outcome for outcome in outcomes if "three" in (outcome.blue, outcome.red)]
     played = [outcome for outcome in outcomes if outcome not in void]
     assert [outcome.result.ending for outcome in void] == [Termination.VOID] * 2

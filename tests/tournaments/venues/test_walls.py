@@ -39,6 +39,9 @@ def act(observation):
         time.sleep(1)
     return [0] * len(observation.units)
 """,
+    "unloadable": """
+raise SystemExit("not here")
+""",
     "wrong": """
 def act(observation):
     return [1 / 0] * len(observation.units)
@@ -77,14 +80,15 @@ def test_a_stranger_sees_neither_the_board_nor_files_and_whoever_is_trusted_play
 
 @pytest.mark.usefixtures("one_core")
 def test_limits_and_turns_without_an_answer_and_exceptions_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    setting = make_setting(tmp_path, "hog", "stuck", "wrong")
-    hog, wrong = play(setting, "hog"), play(setting, "wrong")
+    setting = make_setting(tmp_path, "hog", "stuck", "wrong", "unloadable")
+    hog, wrong, unloadable = (play(setting, name) for name in ("hog", "wrong", "unloadable"))
     monkeypatch.setattr(local, "TURN_S", 0.1)
     stuck = play(setting, "stuck")
 
     assert faults(hog, "hog") == {"unreadable": hog.result.ticks - 3, "memory limit": 1}
     assert faults(stuck, "stuck") == {"unreadable": stuck.result.ticks - 5, "late": 1}
     assert faults(wrong, "wrong") == {"unreadable": wrong.result.ticks}
+    assert faults(unloadable, "unloadable") == {"unreadable": unloadable.result.ticks}, "and nobody else is disturbed"
     assert not any(faults(outcome, "rush") for outcome in (hog, stuck, wrong))
 
 
