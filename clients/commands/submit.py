@@ -1,6 +1,7 @@
 """`arena submit`: enter a bot in a season, follow it, and go back to an earlier version."""
 
 import sys
+import time
 from collections.abc import Mapping
 from glob import escape, glob
 from pathlib import Path
@@ -60,6 +61,7 @@ def submit(
     from arena.keyring.ring import entry_key_path
     from arena.network.address import parse_address
     from arena.network.session import open_client
+    from arena.protocol.page_token import make_page_link
     from arena.protocol.topics import check_chunk
     from arena.submission import read_source
     from clients.submission import SeasonClient
@@ -80,7 +82,10 @@ def submit(
             if is_upload:
                 _upload(season, entry, packed, as_json=as_json)
             elif status:
-                _print_status(season.ask("status").facts, as_json=as_json)
+                facts = season.ask("status").facts
+                if facts.get("page"):
+                    facts = {**facts, "page": make_page_link(identity, facts["page"], where.pit, entry, time.time())}
+                _print_status(facts, as_json=as_json)
             elif log:
                 _print_log(season, as_json=as_json)
             else:

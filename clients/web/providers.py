@@ -37,5 +37,5 @@ class Seasons(Protocol):
     def entry(self, name: str, entry: str) -> dict[str, Any]:
         """Return what everyone may know of an entry of a season: its versions, its last matches, its best and worst opponents."""
 
-    def own(self, name: str, entry: str, token: str) -> dict[str, Any]:
+    def own(self, name: str, entry: str, token: str, host: str) -> dict[str, Any]:
         """Return what the owner of an entry alone may see of it, to whoever brings the owner's token."""

@@ -38,8 +38,8 @@ class SeasonHandlers:
     async def season_own(self, request: Request) -> Response:
         """Answer with what the owner of an entry sees, to a page that brings the owner's token in its header."""
         season, entry = (request.query_params.get(key, "") for key in ("season", "entry"))
-        token = request.headers.get(TOKEN_HEADER, "")
-        answer = await _answer(lambda: self._find().own(season, entry, token))
+        token, host = (request.headers.get(name, "") for name in (TOKEN_HEADER, "host"))
+        answer = await _answer(lambda: self._find().own(season, entry, token, host))
         answer.headers.update(_NEVER_KEPT)
         return answer
 

@@ -17,7 +17,7 @@ from made_seasons import keep_table, make_season, play_pairs, submit
 
 from arena.network.session import free_port
 from arena.protocol.identity import Identity
-from arena.protocol.page_token import make_page_token
+from arena.protocol.page_token import make_page_link, make_page_token
 from arena.records.journal import load_journal
 from tournaments.store.season_store import SeasonStore
 
@@ -156,7 +156,7 @@ def test_every_page_is_used_by_keyboard_and_named(home: str, visit: Start) -> No
     assert names(page).count('link "Replay of rush against random') == 1
     walk(page)
 
-    page.goto(f"{home}/seasons/course/ann#token={make_page_token(ANN, 'course', time.time())}")
+    page.goto(make_page_link(ANN, home, "course", "ann", time.time()))
     page.get_by_text("The end of its log").wait_for()
     page.get_by_text("The end of its log").press("Enter")
     page.get_by_role("region", name="Log").wait_for()
@@ -192,7 +192,7 @@ def test_a_page_has_no_fault_that_axe_finds_and_fits(
     path, text = PAGES[name]
     match = next(load_journal(path).name for path in (data / "journals").glob("*.journal"))
     url = empty_home if "before the first" in name else home
-    address = path.format(match=match, token=make_page_token(ANN, "course", time.time()))
+    address = path.format(match=match, token=make_page_token(ANN, url.removeprefix("http://"), "course", time.time()))
     page = visit(url + address, width=WIDTHS[0], expects=ABSENT if name == "absent" else "")
     page.get_by_text(text).first.wait_for()
     if name == "in a match":

@@ -10,6 +10,8 @@ from urllib.parse import urlsplit
 
 from arena.errors import InputError, UnknownNameError
 
+FINAL_SUFFIX = "-final"
+"""Of the name of a season's final, behind the season's."""
 _MOST = {"final_pairs": 1_000, "most_kb": 60_000, "entries_per_owner": 100, "per_day": 10_000}
 _LEAST = {"final_pairs": 0}
 

@@ -12,10 +12,11 @@ from typing import Any
 from arena.errors import ArenaError, ForgedError, InputError, UnknownNameError
 from arena.protocol.page_token import read_page_token
 from arena.records.plan import LeagueMatchId
+from tournaments.league.season import FINAL_SUFFIX
 from tournaments.ratings.standings import Record
 from tournaments.reports.head_to_head import score_interval
 from tournaments.reports.replays import find_whole_pairs
-from tournaments.reports.season_table import FROZEN, as_season_table
+from tournaments.reports.season_table import FINAL, FROZEN, OVER, as_season_table
 from tournaments.running.scheduler import Folders
 from tournaments.store.entry_history import EntryHistory
 from tournaments.store.season_store import WAITING, SeasonEntry, Submission
@@ -47,12 +48,15 @@ class Seasons:
             return []
 
     def season(self, name: str) -> dict[str, Any]:
-        """Return the table of a season as it was kept last, its rows as `leaderboard`; none before the first."""
+        """Return the table of a season as it was kept last, its rows as `leaderboard`, and its `final` once that has begun."""
         with self._open() as store:
             document = store.standings(_find(store, name))
+            final = store.find(name + FINAL_SUFFIX)
         if document is None:
             return {"season": name, "leaderboard": None}
         facts = {key: value for key, value in document.items() if key != "rows"}
+        if final is not None and facts["phase"] in (FINAL, OVER):
+            facts["final"] = final.name
         return {**facts, "leaderboard": as_season_table(document["rows"])}
 
     def entry(self, name: str, entry: str) -> dict[str, Any]:
@@ -80,8 +84,13 @@ class Seasons:
             **history,
         }
 
-    def own(self, name: str, entry: str, token: str) -> dict[str, Any]:
+    def own(self, name: str, entry: str, token: str, host: str) -> dict[str, Any]:
         """Return what the owner of an entry may see of it: its place in the queue, what checks found, its log and its matches.
+
+        Parameters
+        ----------
+        host
+            By which the page was asked, port and all.
 
         Raises
         ------
@@ -89,7 +98,7 @@ class Seasons:
             The token is not its owner's: in the same words, whatever is wrong with it, and whether or not there is such an entry.
         """
         try:
-            owner = read_page_token(token, name, self._clock())
+            owner = read_page_token(token, host, name, self._clock())
         except ForgedError:
             raise ArenaError(NOT_THE_OWNER) from None
         with self._open() as store:

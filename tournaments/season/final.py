@@ -3,10 +3,8 @@
 from dataclasses import replace
 
 from tournaments.league.league import League
+from tournaments.league.season import FINAL_SUFFIX
 from tournaments.season.roster import Roster
-
-SUFFIX = "-final"
-"""Of its name, behind the season's."""
 
 
 def make_final(season: League, roster: Roster) -> League:
@@ -22,7 +20,7 @@ def make_final(season: League, roster: Roster) -> League:
     fighters = {entry.entry: roster.fighters[label] for label, entry in roster.entries.items()}
     return replace(
         season,
-        name=season.name + SUFFIX,
+        name=season.name + FINAL_SUFFIX,
         season=None,
         entries={entry: fighter.spec for entry, fighter in sorted(fighters.items())},
         commands={entry: command for entry, command in season.commands.items() if entry in fighters},

@@ -1,6 +1,6 @@
 """What one entry of a season did, for its page: each question reads that entry's rows alone, however many others there are."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from functools import partial
 from typing import Any
@@ -45,8 +45,12 @@ class EntryHistory(SeasonStore):
         for team, own, other in ((Team.BLUE, MATCHES.c.blue, MATCHES.c.red), (Team.RED, MATCHES.c.red, MATCHES.c.blue)):
             # They are counted here: a database that groups them may read the index of all opponents of all.
             query = select(other, MATCHES.c.winner).where(MATCHES.c.league_id == league.id, own == label)
-            for row in self._do("read", partial(_all, query)):
-                records[row[0]].add(0.5 if row.winner is None else float(row.winner == team.name.lower()))
+            rows = self._do("read", partial(_all, query))
+            for (opponent, winner), n in Counter(map(tuple, rows)).items():
+                record = records[opponent]
+                record.draws += n if winner is None else 0
+                record.wins += n if winner == team.name.lower() else 0
+                record.losses += n if winner not in (None, team.name.lower()) else 0
         return dict(records)
 
     def find_played(self, identities: Iterable[str]) -> set[str]:

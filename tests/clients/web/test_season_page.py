@@ -14,7 +14,7 @@ from made_seasons import keep_table, make_season, play_pairs, submit
 from serving import Archive, serving
 
 from arena.protocol.identity import Identity
-from arena.protocol.page_token import TOKEN_HEADER, make_page_token, page_link
+from arena.protocol.page_token import TOKEN_HEADER, make_page_link, make_page_token
 from arena.records.journal import journal_name
 from tournaments.reports.web_leagues import Leagues
 from tournaments.reports.web_seasons import NOT_THE_OWNER, Seasons
@@ -101,7 +101,7 @@ def test_a_countdown_and_a_frozen_table_are_told(folder: Path, home: str, visit:
         page.goto(f"{home}/seasons/course/ann")
         page.get_by_text("While the table is frozen, matches and opponents are not shown.").wait_for()
         assert page.get_by_role("region", name="Last matches").count() == 0
-        page.goto(page_link(home, "course", "ann", make_page_token(ANN, "course", time.time())))
+        page.goto(make_page_link(ANN, home, "course", "ann", time.time()))
         page.get_by_role("region", name="Last matches").wait_for()
         assert page.get_by_role("region", name="Last matches").get_by_role("link").count() == 0
     finally:
@@ -110,7 +110,8 @@ def test_a_countdown_and_a_frozen_table_are_told(folder: Path, home: str, visit:
 
 
 def test_the_owners_link_shows_what_others_do_not_see_and_no_request_but_one_carries_its_token(home: str, visit: Visit) -> None:
-    token = make_page_token(ANN, "course", time.time())
+    link = make_page_link(ANN, home, "course", "ann", time.time())
+    token = link.partition("=")[2]
     page = visit(f"{home}/seasons/course/ann")
     says(page, "Version 2 plays")
     asked: list[Any] = []
@@ -119,7 +120,7 @@ def test_the_owners_link_shows_what_others_do_not_see_and_no_request_but_one_car
         asked.append(request)
 
     page.on("request", keep)
-    page.goto(page_link(home, "course", "ann", token))
+    page.goto(link)
     page.get_by_text("The last submission is checked next").wait_for()
 
     assert page.get_by_role("region", name="What the last check found").text_content() == f"ann: 700 bytes\n{SECRET}"
@@ -144,33 +145,34 @@ def test_the_owners_link_shows_what_others_do_not_see_and_no_request_but_one_car
 
 
 def test_a_link_of_somebody_else_shows_no_more_than_none(home: str, visit: Visit) -> None:
-    page = visit(page_link(home, "course", "ann", make_page_token(BOB, "course", time.time())))
+    page = visit(make_page_link(BOB, home, "course", "ann", time.time()))
 
     page.get_by_text(f"Not shown: {NOT_THE_OWNER}.").wait_for()
     assert SECRET not in page.content()
 
 
 def test_whoever_is_not_the_owner_is_answered_alike_to_the_byte(home: str) -> None:
-    now_s = time.time()
+    now_s, host = time.time(), home.removeprefix("http://")
     answers = {
         "no token": ask(home, "ann", None),
         "an empty one": ask(home, "ann", ""),
         "junk": ask(home, "ann", "\u00e9" * 139),
-        "another's": ask(home, "ann", make_page_token(BOB, "course", now_s)),
-        "an expired one": ask(home, "ann", make_page_token(ANN, "course", 0.0)),
-        "another season's": ask(home, "ann", make_page_token(ANN, "other", now_s)),
-        "of no entry": ask(home, "nobody", make_page_token(ANN, "course", now_s)),
+        "another's": ask(home, "ann", make_page_token(BOB, host, "course", now_s)),
+        "an expired one": ask(home, "ann", make_page_token(ANN, host, "course", 0.0)),
+        "another season's": ask(home, "ann", make_page_token(ANN, host, "other", now_s)),
+        "another page's": ask(home, "ann", make_page_token(ANN, "127.0.0.1:1", "course", now_s)),
+        "of no entry": ask(home, "nobody", make_page_token(ANN, host, "course", now_s)),
     }
 
     assert len({repr(answer) for answer in answers.values()}) == 1, answers
     status, body, headers = answers["no token"]
     assert (status, SECRET.encode() in body, ("cache-control", "no-store") in headers) == (200, False, True)
-    assert SECRET.encode() in ask(home, "ann", make_page_token(ANN, "course", now_s))[1]
+    assert SECRET.encode() in ask(home, "ann", make_page_token(ANN, host, "course", now_s))[1]
 
 
 def test_no_page_of_others_gets_an_owners_view(home: str) -> None:
     headers = {
-        TOKEN_HEADER: make_page_token(ANN, "course", time.time()),
+        TOKEN_HEADER: make_page_token(ANN, home.removeprefix("http://"), "course", time.time()),
         "sec-fetch-site": "cross-site",
         "sec-fetch-mode": "cors",
     }

@@ -107,7 +107,7 @@ class EvilSeasons:
             "matches": [match | {"reason": EVIL, "is_visible": True}],
         }  # fmt: skip
 
-    def own(self, name: str, entry: str, token: str) -> dict[str, Any]:
+    def own(self, name: str, entry: str, token: str, host: str) -> dict[str, Any]:
         given = {"received_at": 0.0, "state": EVIL, "says": EVIL, "number": EVIL, "n_bytes": EVIL, "lines": [EVIL]}
         return {"entry": EVIL, "queue": EVIL, "submissions": [given], "log": EVIL}
 

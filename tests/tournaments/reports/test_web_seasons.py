@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from made_seasons import keep_table, make_season, play_pairs, submit
+from made_seasons import DEFINITION, keep_table, make_season, play_pairs, submit
 from outcomes import met
 
 from arena.errors import ArenaError, InputError, UnknownNameError
@@ -21,7 +21,7 @@ from tournaments.reports.web_seasons import MOST_MATCHES, NOT_THE_OWNER, Seasons
 from tournaments.store.entry_history import EntryHistory
 from tournaments.store.season_store import SeasonStore
 
-NOW_S = 1_000_000.0
+NOW_S, HOST = 1_000_000.0, "arena.example"
 ANN, BOB = Identity.make(), Identity.make()
 OWNERS = {"ann": ANN.fingerprint, "bob": BOB.fingerprint, "cid": "cid's key"}
 PAGE_S = 0.2
@@ -74,6 +74,13 @@ def test_a_season_shows_the_table_that_was_kept(data: Path, seasons: Seasons) ->
     rows = shown["leaderboard"]["rows"]
     assert [[cell["text"] for cell in row[:3]] for row in rows] == [["1", "ann", 2], ["2", "bob", 2], ["3", "cid", 2]]
     assert [row[1].get("tag") for row in rows] == [None, "new", None]
+
+
+def test_a_season_names_its_final_once_that_has_begun(data: Path, seasons: Seasons) -> None:
+    change(data, lambda store, _: store.enter("course-final", {**DEFINITION, "entries": {"ann": "a"}}, 1))
+    assert "final" not in seasons.season("course")
+    change(data, lambda store, league: keep_table(store, league, phase="final"))
+    assert seasons.season("course")["final"] == "course-final"
 
 
 def test_a_season_that_has_not_begun_has_no_table(tmp_path: Path) -> None:
@@ -145,7 +152,7 @@ def test_a_frozen_table_is_not_told_by_the_pages_of_its_entries(data: Path, seas
     assert [one["rating"] and one["rating"]["elo"] for one in shown["versions"]] == [10.0, 99.0, None]
     with pytest.raises(ArenaError, match="frozen"):
         Leagues(data, "").journal("course", identity)
-    assert len(seasons.own("course", "ann", make_page_token(ANN, "course", NOW_S))["matches"]) == MOST_MATCHES
+    assert len(seasons.own("course", "ann", make_page_token(ANN, HOST, "course", NOW_S), HOST)["matches"]) == MOST_MATCHES
 
 
 def test_a_journal_may_be_seen_once_its_own_pair_is_over(data: Path) -> None:
@@ -178,7 +185,7 @@ def test_the_owner_sees_the_queue_what_checks_found_and_the_log(data: Path, seas
     log.parent.mkdir(parents=True)
     log.write_text("x" * 30_000 + "the end")
 
-    own = seasons.own("course", "ann", make_page_token(ANN, "course", NOW_S))
+    own = seasons.own("course", "ann", make_page_token(ANN, HOST, "course", NOW_S), HOST)
 
     assert own["queue"] == 2
     waiting, refused = own["submissions"]
@@ -193,20 +200,21 @@ def test_the_owner_of_what_only_waits_sees_it_before_there_is_an_entry(data: Pat
     dora = Identity.make()
     change(data, lambda store, league: submit(store, league, "dora", dora.fingerprint))
 
-    assert seasons.own("course", "dora", make_page_token(dora, "course", NOW_S))["queue"] == 1
+    assert seasons.own("course", "dora", make_page_token(dora, HOST, "course", NOW_S), HOST)["queue"] == 1
     with pytest.raises(UnknownNameError):
         seasons.entry("course", "dora")
 
 
 def test_whoever_is_not_the_owner_gets_one_answer_whatever_is_wrong(data: Path, seasons: Seasons) -> None:
     change(data, lambda store, league: submit(store, league, "new", BOB.fingerprint, "a secret of bob's"))
-    good = make_page_token(ANN, "course", NOW_S)
+    good = make_page_token(ANN, HOST, "course", NOW_S)
     tokens = {
         "none": ("ann", ""),
         "junk": ("ann", "\0" * 139),
-        "another's": ("ann", make_page_token(BOB, "course", NOW_S)),
-        "expired": ("ann", make_page_token(ANN, "course", NOW_S - TOKEN_S)),
-        "another season's": ("ann", make_page_token(ANN, "other", NOW_S)),
+        "another's": ("ann", make_page_token(BOB, HOST, "course", NOW_S)),
+        "expired": ("ann", make_page_token(ANN, HOST, "course", NOW_S - TOKEN_S)),
+        "another season's": ("ann", make_page_token(ANN, HOST, "other", NOW_S)),
+        "another page's": ("ann", make_page_token(ANN, "evil.example", "course", NOW_S)),
         "cut": ("ann", good[:-1]),
         "another's entry": ("bob", good),
         "another's that only waits": ("new", good),
@@ -218,24 +226,23 @@ def test_whoever_is_not_the_owner_gets_one_answer_whatever_is_wrong(data: Path, 
     said = set()
     for entry, token in tokens.values():
         with pytest.raises(ArenaError) as refused:
-            seasons.own("course", entry, token)
+            seasons.own("course", entry, token, HOST)
         said.add((type(refused.value), str(refused.value)))
     with pytest.raises(ArenaError) as refused:
-        seasons.own("nowhere", "ann", make_page_token(ANN, "nowhere", NOW_S))
+        seasons.own("nowhere", "ann", make_page_token(ANN, HOST, "nowhere", NOW_S), HOST)
     said.add((type(refused.value), str(refused.value)))
 
     assert said == {(ArenaError, NOT_THE_OWNER)}
-    assert seasons.own("course", "ann", good)
+    assert seasons.own("course", "ann", good, HOST)
 
 
 def test_an_owner_whose_name_was_taken_by_another_sees_nothing_of_the_entry(data: Path, seasons: Seasons) -> None:
     change(data, lambda store, league: submit(store, league, "ann", BOB.fingerprint))
 
     with pytest.raises(ArenaError, match="only the owner"):
-        seasons.own("course", "ann", make_page_token(BOB, "course", NOW_S))
-    assert all(
-        one["state"] != "waiting" for one in seasons.own("course", "ann", make_page_token(ANN, "course", NOW_S))["submissions"]
-    )
+        seasons.own("course", "ann", make_page_token(BOB, HOST, "course", NOW_S), HOST)
+    own = seasons.own("course", "ann", make_page_token(ANN, HOST, "course", NOW_S), HOST)
+    assert own["submissions"] == []
 
 
 def test_pages_read_no_more_of_the_store_when_others_play_more(tmp_path: Path, size: Callable[[int, int], int]) -> None:
@@ -269,7 +276,7 @@ PAGES: dict[str, Callable[[Seasons], object]] = {
     "the season": lambda seasons: seasons.season("course"),
     "an entry": lambda seasons: seasons.entry("course", "ann"),
     "an idle entry": lambda seasons: seasons.entry("course", "idle"),
-    "the owner's view": lambda seasons: seasons.own("course", "ann", make_page_token(ANN, "course", NOW_S)),
+    "the owner's view": lambda seasons: seasons.own("course", "ann", make_page_token(ANN, HOST, "course", NOW_S), HOST),
 }
 
 

@@ -12,6 +12,7 @@ from authors import BOT, Season
 
 from arena.protocol.messages import SeasonAnswer, SeasonRequest
 from clients.commands.submit import complete_submission
+from tournaments.reports.web_seasons import Seasons
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
 OpenSeason = Callable[..., Season]
@@ -97,6 +98,21 @@ def test_what_cannot_be_submitted_ends_with_2_and_a_sentence(
 
     assert refused.returncode == 2
     assert says in refused.stderr
+
+
+def test_an_owner_is_given_a_link_that_opens_the_owners_view_of_the_web_page(
+    open_season: OpenSeason, here: Arena, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    season = open_season()
+    monkeypatch.setattr(season.owners, "_describe", lambda _: {"page": "http://127.0.0.1:8000"})
+    ann = ("--name", "ann", "--to", season.address)
+    here("submit", "--remote", *ann)
+
+    page, _, token = here("submit", "--status", *ann).stdout.partition("its page: ")[2].strip().partition("#token=")
+
+    assert page == "http://127.0.0.1:8000/seasons/course/ann"
+    seen = Seasons(season.folder, "").own("course", "ann", token, "127.0.0.1:8000")
+    assert [one["state"] for one in seen["submissions"]] == ["accepted"]
 
 
 def test_a_season_that_tells_junk_is_said_to(open_season: OpenSeason, here: Arena, monkeypatch: pytest.MonkeyPatch) -> None:
