@@ -60,8 +60,8 @@ class PretendedVenue:
 
     def receive(self) -> list[Outcome]:
         self.rng.shuffle(self.plans)  # type: ignore[arg-type]  # NumPy shuffles lists in place
-        waits = self.waits_for - self.withdrawn
-        free = [plan for plan in self.plans if not waits & {plan.blue, plan.red}][: self.most]
+        can_end = (plan for plan in self.plans if plan.identity in self.withdrawn or not self.waits_for & {plan.blue, plan.red})
+        free = list(can_end)[: self.most]
         self.plans = [plan for plan in self.plans if plan not in free]
         return [self._end(plan) for plan in free]
 

@@ -222,7 +222,7 @@ def test_whoever_joins_by_itself_and_leaves_keeps_nobody_waiting(season: Pretend
     season.venue.most = 8
     play(season, 300)
 
-    assert season.venue.withdrawn == {"far"}
+    assert season.venue.named_gone == {"far"}
     assert season.runner.results.n_matches >= 300
     assert "far" not in season.runner.suspended
     check_books(season)
