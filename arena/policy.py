@@ -175,6 +175,8 @@ class Faults:
     first_traceback: str | None = None
     reasons: dict[str, tuple[str, int]] = field(default_factory=dict)
     """Why its units stayed: by kind, the sentence of the first time, which names the tick, and how often."""
+    counted: dict[str, int] = field(default_factory=dict)
+    """What else a league counts, by kind: limits that its process met, and that it was ended since it did not answer."""
 
     def note(self, kind: str, sentence: str, count: int = 1) -> None:
         """Count a reason; of many kinds, only the first `MOST_REASONS` are kept."""
@@ -189,11 +191,13 @@ class Faults:
         self.first_traceback = self.first_traceback or later.first_traceback
         for kind, (sentence, count) in later.reasons.items():
             self.note(kind, sentence, count)
+        for kind, count in later.counted.items():
+            self.counted[kind] = self.counted.get(kind, 0) + count
 
 
 BatchFactory = Callable[[Ruleset, Team, int], BatchPolicy]
-"""Makes a fighter for a number of seats; it may carry `most_seats`, the most that suit it. `BatchPolicy` subclasses are
-factories themselves.
+"""Makes a fighter for a number of seats; it may carry `most_seats`, the most that suit it, and `close`, which ends what it has
+started. `BatchPolicy` subclasses are factories themselves.
 """
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from arena.game.types import Team
+from arena.game.types import Team, Termination
 from arena.policy import MatchResult
 from arena.records.journal import Header
 from arena.records.plan import MatchPlan
@@ -39,6 +39,12 @@ class Outcome:
     def of(cls, match: Header | MatchPlan, result: MatchResult, seats: Mapping[Team, SeatOutcome]) -> "Outcome":
         """Return the outcome of a match; `result.score` is blue's."""
         return cls(identity=match.identity, blue=match.blue, red=match.red, result=result, seats=seats)
+
+    @classmethod
+    def void(cls, plan: MatchPlan, reason: str) -> "Outcome":
+        """Return the outcome of a match that was not played."""
+        result = MatchResult(ending=Termination.VOID, winner=None, score=0, ticks=0, reason=reason)
+        return cls.of(plan, result, {team: SeatOutcome() for team in Team})
 
     @property
     def winner(self) -> str | None:

@@ -29,7 +29,7 @@ def check(place: PagePlace) -> None:
     """Refuse, before the pit opens, a page that could not be served."""
     list_names(place.host, place.names, "--web-")
     with needs("web", "--web"):
-        for package in ("prometheus_client", "starlette", "uvicorn", "websockets"):
+        for package in ("starlette", "uvicorn", "websockets", "prometheus_client"):
             import_module(package)
 
 

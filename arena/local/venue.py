@@ -6,6 +6,7 @@ that a match is made of depends on its row, on the batch or on the process: its 
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
@@ -38,7 +39,7 @@ Load = Callable[[str], BatchFactory]
 BarePlan = tuple[str, str, str, bytes, bytes]
 """A plan as it crosses to another process: as dataclasses, pickling took longer than playing."""
 _BareResult = tuple[int, int, int, int]
-_BareFaults = tuple[int, int, str | None, dict[str, tuple[str, int]]]
+_BareFaults = tuple[int, int, str | None, dict[str, tuple[str, int]], dict[str, int]]
 BareRecord = tuple[str, _BareResult, tuple[_BareFaults, _BareFaults], tuple[int, int], bytes | None]
 """A record as it comes back."""
 _TEAMS = {int(Team.BLUE): Team.BLUE, int(Team.RED): Team.RED, -1: None}
@@ -153,7 +154,7 @@ def play_bare(
     ]
     played: list[BareRecord] = []
     for record in _play_task(ruleset, whole, load, journals, on_news):
-        blue, red = ((one.raised, one.illegal, one.first_traceback, one.reasons) for one in record.faults)
+        blue, red = ((one.raised, one.illegal, one.first_traceback, one.reasons, one.counted) for one in record.faults)
         played.append(
             (
                 record.plan.identity,
@@ -179,7 +180,7 @@ def dress(played: list[BareRecord], by_identity: Mapping[str, MatchPlan]) -> Ite
 
 
 def _faults(bare: _BareFaults) -> Faults:
-    return Faults(raised=bare[0], illegal=bare[1], first_traceback=bare[2], reasons=bare[3])
+    return Faults(raised=bare[0], illegal=bare[1], first_traceback=bare[2], reasons=bare[3], counted=bare[4])
 
 
 def _strip_result(result: MatchResult) -> _BareResult:
@@ -198,11 +199,20 @@ def _news(message: tuple[Any, ...]) -> News:
 def _play_task(
     ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None, on_news: OnNews | None
 ) -> Iterator[MatchRecord]:
-    blue, red = load(plans[0].blue), load(plans[0].red)
-    records = play_batch(ruleset, plans, blue, red)
-    if on_news is not None and any(hasattr(make, "most_seats") for make in (blue, red)):
-        records = announce(records, on_news)
-    return records if journals is None else save(records, journals)
+    with ExitStack() as fighters:
+        blue, red = (_load(load, name, fighters) for name in (plans[0].blue, plans[0].red))
+        records = play_batch(ruleset, plans, blue, red)
+        if on_news is not None and any(hasattr(make, "most_seats") for make in (blue, red)):
+            records = announce(records, on_news)
+        yield from records if journals is None else save(records, journals)
+
+
+def _load(load: Load, name: str, fighters: ExitStack) -> BatchFactory:
+    """Load a fighter, which is closed with `fighters` if it has started anything."""
+    make = load(name)
+    if not isinstance(make, type) and hasattr(make, "close"):
+        fighters.callback(make.close)
+    return make
 
 
 def announce(records: Iterable[MatchRecord], on_news: OnNews) -> Iterator[MatchRecord]:

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
 
-def check() -> None:
-    """Refuse metrics, before there is anything to tell, where the library that writes them is missing."""
-    with needs("web", "--metrics"):
+def check(what: str = "--metrics") -> None:
+    """Refuse metrics, before there is anything to tell, where the library that writes them is missing; `what` needs it."""
+    with needs("web", what):
         import prometheus_client  # noqa: F401  # whether it is there is the question
 
 

@@ -85,16 +85,13 @@ def submit(
                 _print_log(season, as_json=as_json)
             else:
                 command = "remote" if remote else "withdraw" if withdraw else "roll-back"
-                _print_answer(season.ask(command, number=roll_back or 0).text, as_json=as_json)
+                answer = season.ask(command, number=roll_back or 0)
+                if as_json:
+                    print_json({"ok": True, "says": answer.text, **answer.facts})
+                else:
+                    say(answer.text, *([f"it joins with: {answer.facts['join']}"] if answer.facts.get("join") else []))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise UnreadableError(f"the season tells of {entry} in a way that this arena does not read ({error!r})") from error
-
-
-def _print_answer(text: str, *, as_json: bool) -> None:
-    if as_json:
-        print_json({"ok": True, "says": text})
-    else:
-        say(text)
 
 
 def _name_of(bot: str) -> str:

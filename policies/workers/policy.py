@@ -57,10 +57,9 @@ class WorkerFactory:
         Whether one process plays all seats; without it, as suits the fighter.
     on_output
         Called from another thread with what processes print, in pieces; without it, that is passed on to stderr.
+    most_seats
+        Matches at once: each seat may be a process.
     """
-
-    most_seats = 8
-    """Each seat may be a process."""
 
     def __init__(
         self,
@@ -74,8 +73,9 @@ class WorkerFactory:
         patience_s: float | None = None,
         is_shared: bool | None = None,
         on_output: Callable[[bytes], None] | None = None,
+        most_seats: int = 8,
     ) -> None:
-        self.spec, self.wake, self.on_limit = spec, wake, on_limit
+        self.spec, self.wake, self.on_limit, self.most_seats = spec, wake, on_limit, most_seats
         self._command, files = resolve(spec)
         if has_wall:
             check_readable(spec, files)
@@ -148,11 +148,14 @@ class WorkerFactory:
         self._next_seat += 1
         return self._next_seat
 
-    def wait(self, workers: Iterable[Worker], are_ready: Callable[[], bool]) -> None:
+    def wait(self, workers: Iterable[Worker], are_ready: Callable[[], bool], *, is_loading: bool = False) -> None:
         """Wait until something is so that changes when a process says something; end those that keep us waiting for too long."""
+        patience_s = self._patience_s
+        if patience_s is not None and is_loading:
+            patience_s = max(patience_s, LOAD_S)
         try:
             with self._changed:
-                is_so = self._changed.wait_for(are_ready, self._patience_s)
+                is_so = self._changed.wait_for(are_ready, patience_s)
         except KeyboardInterrupt as error:
             self.explain(error)
             raise
@@ -160,7 +163,7 @@ class WorkerFactory:
             for worker in workers:
                 where = " ".join((worker.whereabouts() or "").split())
                 stood = f"; {where}" if " line " in where else ""  # of a program, nothing is known
-                worker.kill(f"it did not answer within {self._patience_s:g} s{stood}")
+                worker.kill(f"it did not answer within {patience_s:g} s{stood}", counted="late")
             are_ready()
 
     def memory_bytes(self) -> int | None:
@@ -260,6 +263,7 @@ class WorkerPolicy(BatchPolicy):
         row = self._rows[seat]
         if row is not None:
             row.worker.finish(row.number, result.to_dict())
+            row.faults.add(Faults(counted=row.worker.take_counted()))
             self._last_faults[seat] = row.faults
             self._release(seat)
 
@@ -314,7 +318,8 @@ class WorkerPolicy(BatchPolicy):
             return n_ready == len(rows)
 
         if self._factory.wake is None:
-            self._factory.wait((row.worker for row in rows if not is_ready(row)), are_ready)
+            is_loading = any(not row.worker.is_loaded and row.worker.failure is None for row in rows)
+            self._factory.wait((row.worker for row in rows if not is_ready(row)), are_ready, is_loading=is_loading)
         elif not are_ready():
             raise Thinking
 

@@ -9,7 +9,7 @@ import os
 import selectors
 import sys
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -112,6 +112,8 @@ class Worker:
         self._n_printed = 0
         self._noted: set[str] = set()
         """Limits that were told of."""
+        self._counted: deque[str] = deque()
+        """What a league counts against it, and was not taken yet: the kind of each fault."""
         self._end_by_s: float | None = None
         self.is_loaded = False
         """Whether it can be asked."""
@@ -147,6 +149,10 @@ class Worker:
         """Return what a seat has answered to the oldest message that it was not taken of, if it has."""
         answers = self._answers.get(seat)
         return answers.popleft() if answers else None
+
+    def take_counted(self) -> dict[str, int]:
+        """Return what a league counts against it, by kind, since the last call: limits that it met, or no answer."""
+        return Counter(self._counted.popleft() for _ in range(len(self._counted)))
 
     def memory_bytes(self) -> int | None:
         """Return what it holds in memory, with all that it started; None where the system does not tell."""
@@ -188,8 +194,10 @@ class Worker:
         self._end_by_s = time.monotonic() + _GOODBYE_S
         self._wake()
 
-    def kill(self, why: str = "it was told to end") -> None:
-        """End it now, and wait until it has ended; nothing is done if it has."""
+    def kill(self, why: str = "it was told to end", counted: str = "") -> None:
+        """End it now, and wait until it has ended; nothing is done if it has. A league may count why."""
+        if counted and self.failure is None:
+            self._counted.append(counted)
         self.failure = self.failure or why
         self._end_by_s = 0.0
         self._wake()
@@ -315,6 +323,7 @@ class Worker:
     def _note(self, name: str) -> None:
         if name not in self._noted:
             self._noted.add(name)
+            self._counted.append(f"{_WORDS[name]} limit")
             self._on_limit(_WORDS[name])
 
 

@@ -144,11 +144,21 @@ def test_with_the_lowest_versions_a_league_is_played_over_the_network_and_report
         (("train",), "torch", "train"),
         (("web",), "uvicorn", "web"),
         (("serve", "--web", "8000"), "starlette", "web"),
+        (("serve", "--metrics", "127.0.0.1:9100"), "prometheus_client", "web"),
         (("join", "--policy", "human"), "textual", "tui"),
         (("tournament", "run", "starter", "--venue", "ray"), "ray", "cluster"),
         (("leaderboard", "--db", "postgresql://arena@127.0.0.1:1/arena"), "psycopg", "postgres"),
     ],
-    ids=["play champion", "arena train", "arena web", "serve --web", "join --policy human", "--venue ray", "--db postgresql"],
+    ids=[
+        "play champion",
+        "arena train",
+        "arena web",
+        "serve --web",
+        "serve --metrics",
+        "join --policy human",
+        "--venue ray",
+        "--db postgresql",
+    ],
 )
 def test_a_missing_extra_is_one_sentence_with_its_command(
     installed: Installed, arguments: tuple[str, ...], package: str, extra: str

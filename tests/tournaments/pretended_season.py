@@ -7,6 +7,7 @@ import numpy as np
 from outcomes import ended
 
 from arena.game.types import Team, Termination
+from arena.network.address import Address
 from arena.records.plan import MatchPlan
 from tournaments.league.file import parse_league
 from tournaments.league.versions import entry_of
@@ -31,30 +32,42 @@ DEFINITION = {**LEAGUE.definition, "secret": "s"}
 class PretendedVenue:
     """Ends matches in a random order, at most `most` in each call; `lose` forgets all that it was given, as if it were killed."""
 
+    address: Address | None = None
+
     def __init__(self, elo: Mapping[str, float], seed: int = 0, most: int = 8) -> None:
         self.elo, self.most = dict(elo), most
         self.rng = np.random.default_rng(seed)
         self.plans: list[MatchPlan] = []
         self.given: list[str] = []
+        self.named_gone: set[str] = set()
         self.withdrawn: set[str] = set()
         self.broken: set[str] = set()
+        self.waits_for: set[str] = set()
+        """Whose matches do not begin unless they are withdrawn."""
         self.present: frozenset[str] = frozenset()
+        self.known: set[str] = set()
 
     def add(self, entries: Mapping[str, Fighter], plans: Sequence[MatchPlan]) -> None:
         assert {label for plan in plans for label in (plan.blue, plan.red)} <= entries.keys()
+        self.known |= entries.keys()
         self.plans += plans
         self.given += [plan.identity for plan in plans]
 
     def withdraw(self, names: Collection[str], reason: str) -> None:
-        self.withdrawn |= set(names)
+        """Make what they have not begun void, as a pit does: what comes later of them is played."""
+        self.named_gone |= set(names)
+        self.withdrawn |= {plan.identity for plan in self.plans if not {plan.blue, plan.red}.isdisjoint(names)}
 
     def receive(self) -> list[Outcome]:
         self.rng.shuffle(self.plans)  # type: ignore[arg-type]  # NumPy shuffles lists in place
-        now, self.plans = self.plans[: self.most], self.plans[self.most :]
-        return [self._end(plan) for plan in now]
+        waits = self.waits_for - self.withdrawn
+        free = [plan for plan in self.plans if not waits & {plan.blue, plan.red}][: self.most]
+        self.plans = [plan for plan in self.plans if plan not in free]
+        return [self._end(plan) for plan in free]
 
     def _end(self, plan: MatchPlan) -> Outcome:
-        if self.broken & {plan.blue, plan.red} or self.withdrawn & {plan.blue, plan.red}:
+        if self.broken & {plan.blue, plan.red} or plan.identity in self.withdrawn:
+            self.withdrawn.discard(plan.identity)
             return ended(plan.identity, plan.blue, plan.red, None, ending=Termination.VOID)
         lead = self.elo[plan.blue] - self.elo[plan.red]
         blue = 1 / (1 + 10 ** (-lead / 400))

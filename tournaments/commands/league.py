@@ -217,6 +217,8 @@ def close_league(league: LeagueName, data: Data = None, db: Db = "") -> None:
     from tournaments.store.store import Store
 
     chosen, folders = load_league(league), Folders(data=data_folder(data))
+    if chosen.season is not None:
+        raise InputError(f"{chosen.name} is a season, which is closed after its final; write its deadline into {league}")
     with Store(db or str(folders.data / "arena.db"), make=False) as store, store.lock(chosen.name):
         row = store.get(chosen.name)
         if not progress_of(store, row)["complete"]:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from arena.console import AsJson, JsonProgress, print_json, print_table, say
+from arena.console import AsJson, JsonProgress, print_json, print_table, quantity, say
 from arena.errors import ArenaError, InputError
 from tournaments.commands.league import Data, Db, LeagueName
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tournaments.season.phases import Phase
     from tournaments.season.service import Season, SeasonState
 
+_TELL_EVERY_S = 60.0
 _HUNG_S = 60.0
 """A season whose thread does nothing for so long is not well."""
 
@@ -36,10 +37,12 @@ def open_season(
     """Take submissions and play them until the season is over. Stopped at any moment, it goes on from there.
 
     The file is a league's with a table [season]. Authors submit with `arena submit BOT --to ADDRESS`, at the address that is
-    printed first. With --json, each line on stderr is a JSON object: an "event" (open, phase, match, stopped) and its facts.
+    printed first. With --json, each line on stderr is a JSON object: an "event" (open, phase, versions, match, stopped) and its
+    facts.
     """
     import os
     import signal
+    import time
     from contextlib import ExitStack
     from threading import Event
 
@@ -57,6 +60,8 @@ def open_season(
     from tournaments.store.season_store import SeasonStore
 
     chosen = load_league(file)
+    if chosen.season is None:
+        raise InputError(f"{file} is no season: write [season] into it, or play it as a league: arena tournament run {file}")
     venue = venue or chosen.venue
     if venue not in VENUES:
         raise InputError(f"--venue is {venue!r}; it is one of {', '.join(VENUES)}")
@@ -76,20 +81,28 @@ def open_season(
     def on_phase(phase: "Phase") -> None:
         tell(f"season {chosen.name}: {phase.value}", "phase", phase=phase.value)
 
+    def on_versions(new: list[str], gone: list[str]) -> None:
+        parts = [f"{', '.join(new)} from now on"] * bool(new) + [f"{', '.join(gone)} no more"] * bool(gone)
+        tell(f"plays: {'; '.join(parts)}", "versions", new=new, gone=gone)
+
     def on_invitation(commands: "Mapping[str, str]") -> None:
         for name, command in commands.items():
             tell(f"{name} joins with: {command}", "invitation", entry=name, command=command)
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    events = SeasonEvents(on_open=on_open, on_phase=on_phase, on_invitation=on_invitation)
+    events = SeasonEvents(on_open=on_open, on_phase=on_phase, on_versions=on_versions, on_invitation=on_invitation)
     with SeasonStore(db or str(folders.data / "arena.db")) as store, ExitStack() as beside:
         compile_kernels([*game_kernels(chosen.ruleset), *fighter_kernels(chosen.entries.values())])
         think_s = check_entries(chosen.entries, chosen.ruleset, chosen.sandboxes)
         running = beside.enter_context(Season(chosen, store, folders, events=events, think_s=think_s))
         if metrics:
             beside.enter_context(serve_metrics(metrics, _reader(running)))
+        told_at_s = time.monotonic()
         for outcome in running.run(venue, stop.is_set):
+            if not as_json and time.monotonic() - told_at_s > _TELL_EVERY_S:
+                told_at_s = time.monotonic()
+                say(f"{running.state.n_matches:,} matches, {quantity(running.state.n_waiting, 'submission')} waiting")
             if as_json:
                 ending = outcome.result.ending.name.lower()
                 lines.say("match", identity=outcome.identity, ending=ending, winner=outcome.winner)

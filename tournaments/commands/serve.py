@@ -81,6 +81,7 @@ def serve(
     from arena.game.ruleset import load, parse_overrides
     from arena.keyring.files import load_or_make, load_or_make_secret
     from arena.match.time_control import TimeControl
+    from arena.metrics import exposition
     from arena.metrics.server import serve_metrics
     from arena.network.access import Certificate
     from arena.network.address import Address
@@ -104,6 +105,8 @@ def serve(
     place = None if web is None else PagePlace(port=web, host=web_host, names=tuple(web_name or ()))
     if place is not None:
         check(place)
+    if metrics:
+        exposition.check()
     if seed is not None:
         say("arena: warning: anyone can try small seeds; strangers should not be seated under --seed", err=True)
     if public_delay is not None:

@@ -43,6 +43,7 @@ def web(
     from arena.game.ruleset import load
     from arena.keyring.files import load_or_make, load_secret
     from arena.keyring.ring import entry_key_path
+    from arena.metrics import exposition
     from arena.network.address import parse_address
     from arena.protocol.identity import to_text
     from arena.protocol.topics import check_chunk
@@ -62,6 +63,7 @@ def web(
         from clients.web.connections import MOST_CONNECTIONS, MOST_MESSAGE_BYTES, ImpatientProtocol
         from clients.web.server import WebSettings, listen, make_app
 
+    exposition.check("arena web")
     names = list_names(host, name or ())
     address = parse_address(pit)
     fragment = "" if spectator_key is None else f"#key={to_text(load_secret(spectator_key))}"

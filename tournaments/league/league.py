@@ -54,13 +54,13 @@ class League:
     slots: int | None = None
     """Seats that the process of an entry holds at once; None takes as many as this machine can think for."""
     has_walls: bool = True
-    """Whether strangers' fighters play behind walls, in the venue `network`."""
+    """Whether strangers' fighters play behind walls."""
     trusted: frozenset[str] = frozenset()
     """Entries that are files or programs, and need no wall."""
     season: SeasonTerms | None = None
     """What makes a season of it, whose entries are submitted; its file's own entries are the organiser's."""
     limits: Limits = NO_LIMITS
-    """For each process of a stranger's fighter, in the venue `network`; what is None there is as behind every wall."""
+    """For each process of a stranger's fighter; what is None there is as behind every wall."""
 
     @cached_property
     def remote(self) -> Mapping[str, bytes]:
@@ -70,7 +70,7 @@ class League:
 
     @cached_property
     def sandboxes(self) -> Mapping[str, Sandbox]:
-        """Where the fighters run that are files or programs, in the venue `network`, by entry."""
+        """Where the fighters run that are files or programs, by entry."""
         return {name: self._sandbox(name) for name, spec in self.entries.items() if is_file_or_program(spec)}
 
     def _sandbox(self, name: str) -> Sandbox:
@@ -116,11 +116,12 @@ class League:
                 raise LeagueError(
                     f'league {self.name} names {name} by its key, and who joins by itself can only come to venue = "network"'
                 )
-        strangers = [name for name, spec in self.entries.items() if is_file_or_program(spec) and name not in self.trusted]
+        strangers = [name for name, one in self.sandboxes.items() if not one.has_wall and name not in self.trusted]
         if venue != "network" and strangers:
             raise LeagueError(
-                f'league {self.name} plays {" and ".join(strangers)} in venue = "{venue}", where a fighter could read and write '
-                f'what all others think; if you trust them, write trusted = {json.dumps(strangers)}, else venue = "network"'
+                f'league {self.name} plays {" and ".join(strangers)} without walls in venue = "{venue}", where a fighter could '
+                f"read and write what all others think; if you trust them, write trusted = {json.dumps(strangers)}, else leave "
+                'out sandbox = "none"'
             )
 
 

@@ -21,8 +21,7 @@ pairs = {League.n_pairs}                # of each fixture; a pair is two matches
 pairing = "round-robin"   # or "gauntlet", with challenger = "NAME": one against all others; or "sprt", see below
 maps = "paired"           # or "fresh": no map twice, for programs and others who remember from match to match
 venue = "network"         # every entry and the referee a process of its own
-                          # or "local": all in one process, no clock; or "ray": local, spread over a cluster: both for
-                          # fighters that one trusts, since they could read and write what the others think
+                          # or "local": fighters of the arena in one process, no clock; or "ray": local, spread over a cluster
 # listen = "tcp/0.0.0.0:7447"   # where entries join that come by themselves; a free port of this machine alone without it
 
 # seed = 1                # makes the league reproducible, and guessable by anyone; without it, a secret is made and kept
@@ -40,7 +39,7 @@ sandbox = "bubblewrap"    # files and programs play behind a wall, where nothing
 # [rules.units.ugv]
 # sight = 5
 
-# [limits]                # of each process of a file or program; "network" only
+# [limits]                # of each process of a file or program
 {LIMITS}
 # [sprt]                  # pairing = "sprt": is the first of two entries, or challenger = "NAME", better than the other?
 # elo0 = 0                # "no": at most so much better, in Elo

@@ -12,7 +12,7 @@ from typing import Any
 from tournaments.league.schedule import count_matches
 from tournaments.league.versions import successions
 from tournaments.outcome import Outcome
-from tournaments.ratings.methods import DEFAULT, find_method
+from tournaments.ratings.methods import DEFAULT, check_versions, find_method
 from tournaments.ratings.rate import N_DRAWS
 from tournaments.ratings.shares import find_shares
 from tournaments.ratings.sprt import PAIR_SCORES
@@ -82,6 +82,9 @@ def make_report(
     if has_all_versions:
         names = sorted({*names, *(label for one in outcomes for label in (one.blue, one.red))})
         n_planned += n_earlier
+    method, follows = find_method(rating_method), successions(names) if has_all_versions else []
+    if follows:
+        check_versions(method, rating_method)
     return Report(
         league=league,
         standings=stand(
@@ -89,8 +92,8 @@ def make_report(
             counted,
             are_maps_fresh=league.definition.get("maps") == "fresh",
             n_draws=n_draws,
-            method=find_method(rating_method),
-            follows=successions(names) if has_all_versions else (),
+            method=method,
+            follows=follows,
             share_methods={name: find_shares(name) for name in shares},
         ),
         rating_method=rating_method,

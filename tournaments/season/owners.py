@@ -54,7 +54,7 @@ class OwnerRequests:
     on_change
         Called when an entry plays another version, or none.
     describe
-        Returns what else the season tells the owner of an entry: its rating, its place, its page.
+        Returns what else the season tells the owner of an entry: its place in the table, its page, where it joins.
     why_not_remote
         Why no entry may play from its owner's machine; nothing if it may.
     """
@@ -150,7 +150,10 @@ class OwnerRequests:
             self._league, kept, spec=spec, says="it plays from its owner's machine", report=None, now_s=self._clock()
         )
         self._on_change()
-        return SeasonAnswer(text=f"version {version.number} of {request.name} plays as soon as it joins")
+        entry = self._store.find_entry(self._league, request.name)
+        join = "" if entry is None else self._describe(entry).get("join", "")
+        text = f"version {version.number} of {request.name} plays as soon as it joins"
+        return SeasonAnswer(text=text, facts={"join": join} if join else {})
 
     def _submit(self, request: SeasonRequest, digest: str, n_bytes: int) -> Submission:
         return self._store.submit(

@@ -40,6 +40,8 @@ LEAST_WHEN_BUSY, MOST_WHEN_BUSY = 4, 8
 """The same while submissions are checked, whose turns are timed."""
 REST_ELO = 40.0
 """When everybody's 95% interval is as narrow as this, nothing is played until something changes."""
+ABSENT_S = 15.0
+"""Whoever joins by itself may be away for so long before what it has not begun is given up."""
 MOST_VOID = 4
 """Void matches of a version without any that counts in between; it is played no more."""
 RATE_EVERY_S = 1.0
@@ -82,10 +84,14 @@ class SeasonRunner:
         self.table: Table = rate_season(self.results, self.roster.labels, self.roster.follows)
         self._plans: dict[str, MatchPlan] = {}
         self._n_void: Counter[str] = Counter()
+        self._withdrawn: set[str] = set()
+        """Matches that are void for no fault of those who were to play them, unless they had begun."""
+        self._absent_since_s: dict[str, float] = {}
         self._rated_at_s, self._rate_every_s = 0.0, RATE_EVERY_S
         self._is_rated = False
         self.n_waiting = 0
         """Submissions that wait for their check, as the page shows it."""
+        self._invite()
         self._resume(stored)
 
     @property
@@ -109,6 +115,7 @@ class SeasonRunner:
             Whether the machine has something else to do, too.
         """
         self._refresh()
+        self._take_off_the_absent()
         least, most = (LEAST_WHEN_BUSY, MOST_WHEN_BUSY) if is_busy else (LEAST_UNDER_WAY, MOST_UNDER_WAY)
         if may_choose and self.n_under_way < least:
             self._choose(most)
@@ -167,8 +174,14 @@ class SeasonRunner:
             found["matches"] = self.results.record(label).n_matches
             self._store.keep_rating(row, entry.entry, entry.number, found)
         if gone:
+            self._withdrawn |= {one.identity for one in self._plans.values() if not gone.isdisjoint((one.blue, one.red))}
             self._venue.withdraw(gone, "another version plays")
+        self._invite()
         self.table, self._is_rated = self._rate(), False
+
+    def _invite(self) -> None:
+        """Let in those who join by themselves, before there is a match for them: whoever is not there gets none."""
+        self._venue.add({label: one for label, one in self.roster.fighters.items() if one.public_key is not None}, [])
 
     def _rate(self) -> Table:
         """Rate everybody anew; what takes long is done less often."""
@@ -177,14 +190,34 @@ class SeasonRunner:
         self._rate_every_s = max(RATE_EVERY_S, (time.perf_counter() - begun_s) / MOST_RATING)
         return table
 
+    @property
+    def _absent(self) -> set[str]:
+        """The labels that join by themselves and are not there."""
+        remote = {label for label, fighter in self.roster.fighters.items() if fighter.public_key is not None}
+        return remote - self._venue.present
+
+    def _take_off_the_absent(self) -> None:
+        """Give up what nobody begins to play, since one of the two has left: it would keep others waiting."""
+        now_s = self._clock()
+        waiting = {label for plan in self._plans.values() for label in (plan.blue, plan.red)} & self._absent
+        self._absent_since_s = {label: self._absent_since_s.get(label, now_s) for label in waiting}
+        gone = {label for label, since_s in self._absent_since_s.items() if now_s - since_s >= ABSENT_S}
+        if gone:
+            self._venue.withdraw(gone, "it is not there")
+
     def _count(self, outcome: Outcome) -> bool:
         """Store a match that ended; False if it was void, or stored before."""
         plan = self._plans.pop(outcome.identity, None)
         if plan is None:
             return False
         labels = (outcome.blue, outcome.red)
+        was_withdrawn = outcome.identity in self._withdrawn
+        self._withdrawn.discard(outcome.identity)
         if outcome.result.ending is Termination.VOID:
-            self._n_void.update(labels)
+            if self._absent & set(labels):
+                return False
+            if not was_withdrawn:
+                self._n_void.update(labels)
             if all(label in self.roster.entries and self._n_void[label] < MOST_VOID for label in labels):
                 self._add([plan])
             return False
@@ -198,11 +231,8 @@ class SeasonRunner:
 
     def _choose(self, most: int) -> None:
         """Give the venue the pairs that tell most, until so many matches are under way, or so many that nobody is made late."""
-        away = {
-            label for label, fighter in self.roster.fighters.items()
-            if fighter.public_key is not None and label not in self._venue.present
-        }  # fmt: skip
-        labels = [label for label in self.table.labels if label not in away and label not in self.suspended]
+        left_out = {*self._absent, *self.suspended}
+        labels = [label for label in self.table.labels if label not in left_out]
         if len(labels) < 2:
             return
         known = self.table.part(labels)

@@ -19,7 +19,8 @@ from arena.network.address import Address
 from arena.network.session import open_router
 from arena.pit.register import Register, read_invites
 from arena.protocol.identity import Identity
-from tournaments.league.league import League, LeagueError
+from tournaments.league.entries import REMOTE
+from tournaments.league.league import League
 from tournaments.league.secret import commit_to, find_secret
 from tournaments.outcome import Outcome
 from tournaments.running.scheduler import Folders, Scheduler
@@ -49,6 +50,8 @@ class SeasonEvents:
     on_open: Callable[[Address], None] = lambda _: None
     """Told where authors submit."""
     on_phase: Callable[[Phase], None] = lambda _: None
+    on_versions: Callable[[list[str], list[str]], None] = lambda *_: None
+    """Told of the labels that play from now on, and of those that do no more."""
     on_invitation: Callable[[Mapping[str, str]], None] = lambda _: None
     """Told with which command each entry joins that comes by itself, where that is known."""
 
@@ -89,15 +92,15 @@ class Season:
         clock: Callable[[], float] = time.time,
     ) -> None:
         if league.season is None:
-            raise LeagueError(
-                f"league {league.name} is no season; write [season] into its file, or play it: arena tournament run"
-            )
+            raise ValueError(f"league {league.name} is no season")
         self._league, self._terms, self._store, self._folders = league, league.season, store, folders
         self._events, self._clock, self._think_s = events, clock, think_s
         self._folder = folders.season(league.name)
         self._locks = ExitStack()
         self.state = SeasonState()
         self._phase: Phase | None = None
+        self._address: Address | None = None
+        """Of the pit that is open, for those who join by themselves."""
 
     def __enter__(self) -> Self:
         league, store = self._league, self._store
@@ -161,10 +164,16 @@ class Season:
         return Desk(session, self._league.name, identity, owners)
 
     def _describe_entry(self, entry: SeasonEntry) -> dict[str, Any]:
-        """Return what the owner of an entry is told beside its own versions: where it stands, and where its page is."""
+        """Return what the owner of an entry is told beside its own versions: where it stands, where its page is, and its pit."""
         table = self._store.standings(self.row)
         rows = [] if table is None else [row for row in table["rows"] if row["label"] == entry.label]
-        return {"standing": rows[0] if rows else None, "page": self._terms.page}
+        is_remote = any(one.label == entry.label and one.spec.startswith(REMOTE) for one in self._store.versions(self.row))
+        command = f"arena join '{self._address}' --name {entry.label} --key FILE --forever"
+        return {
+            "standing": rows[0] if rows else None,
+            "page": self._terms.page,
+            "join": command if is_remote and self._address is not None else "",
+        }
 
     def _play(self, venue: str, is_stopped: Callable[[], bool], desk: Desk, intake: Intake) -> Iterator[Outcome]:
         """Play the season itself, until its final is to begin and nothing is under way any more."""
@@ -175,6 +184,7 @@ class Season:
             listen=league.listen,
         )  # fmt: skip
         with open_venue(venue, setting) as pit:
+            self._address = pit.address if self._league.listen else None
             runner = SeasonRunner(
                 league, self._store, self.row, self._secret, pit, folder=self._folder, journals=setting.journals,
                 clock=self._clock, rng=np.random.default_rng(int.from_bytes(os.urandom(16), "big")),
@@ -196,10 +206,14 @@ class Season:
                         runner.publish(phase)
                 if phase is Phase.FINAL and not runner.n_under_way:
                     break
+                before = runner.roster.entries.keys()
                 for outcome in runner.step(phase, may_choose=phase is not Phase.FINAL, is_busy=intake.is_checking):
                     self._count(outcome)
                     yield outcome
                 self._note(runner)
+                now = runner.roster.entries.keys()
+                if now != before:
+                    self._events.on_versions(sorted(now - before), sorted(before - now))
             self.row, self._roster = runner.row, runner.roster
             self._publish = runner.publish
 

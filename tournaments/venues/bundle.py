@@ -5,7 +5,7 @@ import shlex
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from arena.files import read_file
 from policies.program import PREFIX as PROGRAM
 from policies.workers.files import resolve
 from tournaments.league.entries import kind_of_file
+from tournaments.venues.setting import Fighter
 
 MOST_FILES = 2_000
 MOST_BYTES = 1 << 28
@@ -89,6 +90,17 @@ def pack(specs: Mapping[str, str]) -> Bundle:
     """
     files = {spec: found for spec in set(specs.values()) if (found := _pack(spec)) is not None}
     return Bundle(specs=dict(specs), files=files)
+
+
+def freeze(fighters: Mapping[str, Fighter]) -> dict[str, Fighter]:
+    """Return fighters such that what is edited while they play changes no file that plays behind a wall."""
+    walled = {
+        name: one.spec
+        for name, one in fighters.items()
+        if one.sandbox is not None and one.sandbox.has_wall and kind_of_file(one.spec) is not None
+    }
+    copies = pack(walled).unpack()
+    return {name: replace(one, spec=copies.get(name, one.spec)) for name, one in fighters.items()}
 
 
 def _pack(spec: str) -> _Files | None:

@@ -8,15 +8,13 @@ from dataclasses import replace
 
 from arena.errors import ArenaError
 from arena.folders import data_folder
-from arena.game.types import Team, Termination
+from arena.game.types import Team
 from arena.keyring.files import load_or_make
 from arena.network.address import Address
 from arena.network.session import free_port
-from arena.policy import MatchResult
 from arena.records.plan import MatchPlan
-from tournaments.league.entries import kind_of_file
-from tournaments.outcome import Outcome, SeatOutcome
-from tournaments.venues.bundle import pack
+from tournaments.outcome import Outcome
+from tournaments.venues.bundle import freeze
 from tournaments.venues.client_pool import ClientPool
 from tournaments.venues.processes import entry_key_path
 from tournaments.venues.recovery import find_ended
@@ -37,17 +35,6 @@ def address_of(setting: VenueSetting) -> Address:
 def invitations(setting: VenueSetting, address: Address) -> dict[str, str]:
     """Return the command with which each entry joins that comes by itself."""
     return {name: f"arena join '{address}' --name {name} --key FILE --slots {setting.slots} --forever" for name in setting.remote}
-
-
-def freeze(fighters: Mapping[str, Fighter]) -> dict[str, Fighter]:
-    """Return fighters such that what is edited while they play changes no file that plays behind a wall."""
-    walled = {
-        name: one.spec
-        for name, one in fighters.items()
-        if one.sandbox is not None and one.sandbox.has_wall and kind_of_file(one.spec) is not None
-    }
-    copies = pack(walled).unpack()
-    return {name: replace(one, spec=copies.get(name, one.spec)) for name, one in fighters.items()}
 
 
 def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
@@ -262,7 +249,7 @@ class NetworkPit:
                 self._withdrawn -= Counter(names)
                 for identity in message.withdrawn:
                     if identity in self._left:
-                        self._end(_void(self._left[identity], reason), settle_s=0.0)
+                        self._end(Outcome.void(self._left[identity], reason), settle_s=0.0)
 
     def _end(self, outcome: Outcome, settle_s: float) -> None:
         if self._left.pop(outcome.identity, None) is None:
@@ -290,8 +277,3 @@ class NetworkPit:
             for team, name in ((Team.BLUE, outcome.blue), (Team.RED, outcome.red))
         }
         return replace(outcome, seats=seats)
-
-
-def _void(plan: MatchPlan, reason: str) -> Outcome:
-    result = MatchResult(ending=Termination.VOID, winner=None, score=0, ticks=0, reason=reason)
-    return Outcome.of(plan, result, {team: SeatOutcome() for team in Team})

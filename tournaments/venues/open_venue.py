@@ -13,6 +13,7 @@ from typing import Protocol, Self
 
 from arena.errors import InputError
 from arena.game.types import Team, Termination
+from arena.network.address import Address
 from arena.policy import MatchResult
 from arena.records.plan import MatchPlan
 from tournaments.outcome import Outcome, SeatOutcome
@@ -24,6 +25,10 @@ _POLL_S = 0.2
 
 class OpenVenue(Protocol):
     """Plays what it is given; used by `with`, by one thread."""
+
+    @property
+    def address(self) -> Address | None:
+        """Where entries join by themselves, if they can."""
 
     @property
     def present(self) -> frozenset[str]:
@@ -63,6 +68,7 @@ def open_venue(name: str, setting: VenueSetting) -> OpenVenue:
 class BatchVenue:
     """A venue of batches as one that stays open."""
 
+    address: Address | None = None
     present: frozenset[str] = frozenset()
 
     def __init__(self, play: Venue, setting: VenueSetting) -> None:

@@ -1,8 +1,8 @@
 """The venue `ray`: the tasks of `arena.local.venue` on a Ray cluster, where one machine is too small.
 
-Every machine of the cluster has this arena installed, and needs no more: files of fighters are sent with what is in them, and
-journals come back as bytes, to be written here. RAY_ADDRESS names the cluster; without it, one is started on this machine, for
-itself alone and as long as it is needed.
+Every machine of the cluster has this arena installed, and needs no more but bubblewrap, where strangers play: files of fighters
+are sent with what is in them, and journals come back as bytes, to be written here. RAY_ADDRESS names the cluster; without it, one
+is started on this machine, for itself alone and as long as it is needed.
 """
 
 import logging
@@ -26,16 +26,19 @@ from arena.game.types import RULES_VERSION
 from arena.local.saving import make_journals_folder, save
 from arena.local.venue import BarePlan, BareRecord, MatchRecord, dress, play_bare, split, strip
 from arena.records.plan import MatchPlan
-from policies.registry import load_entry
+from arena.sandbox.process import Sandbox
+from policies.workers.load import load_walled
 from tournaments.outcome import Outcome
 from tournaments.venues.bundle import Bundle, pack
-from tournaments.venues.local import play_rest
+from tournaments.venues.local import patience_s, play_rest, walled
 from tournaments.venues.setting import VenueSetting
 
 TRIES = 4
 """Times that a task is begun: machines come and go, but a fighter that ends its process would do so for ever."""
 _TASKS_PER_CORE = 2
 """One runs, and one waits for the core; results that nobody has fetched yet fill the memory of the cluster."""
+_SEATS_PER_TASK = 4
+"""Where fighters play behind walls: they think side by side, in processes of their own, on the core that a task has."""
 _REACH_S = 5.0
 _LOOPBACK = "127.0.0.1"
 logger = logging.getLogger(__name__)
@@ -57,13 +60,29 @@ class _Task:
 
 def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
     """Play on a Ray cluster what the venue `local` would play."""
+    walls = Walls(sandboxes=walled(setting), patience_s=patience_s(setting.time_control))
     return play_rest(
-        setting, plans, lambda left: play_on_cluster(setting.ruleset, left, setting.entries, journals=setting.journals)
+        setting,
+        plans,
+        lambda left: play_on_cluster(setting.ruleset, left, setting.entries, journals=setting.journals, walls=walls),
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Walls:
+    """Who plays behind walls on the machines of the cluster."""
+
+    sandboxes: Mapping[str, Sandbox]
+    """By entry."""
+    patience_s: float | None
+    """See `tournaments.venues.local.patience_s`."""
+
+
+NO_WALLS = Walls(sandboxes={}, patience_s=None)
+
+
 def play_on_cluster(
-    ruleset: Ruleset, plans: Sequence[MatchPlan], entries: Mapping[str, str], *, journals: Path
+    ruleset: Ruleset, plans: Sequence[MatchPlan], entries: Mapping[str, str], *, journals: Path, walls: Walls = NO_WALLS
 ) -> Iterator[MatchRecord]:
     """Play matches on the cluster and yield each once its journal is written here, in no promised order.
 
@@ -84,23 +103,23 @@ def play_on_cluster(
     make_journals_folder(journals)
     bundle = pack(entries)
     by_identity = {plan.identity: plan for plan in plans}
-    with _cluster():
-        for played in _work(ruleset, split(plans, _n_cores()), bundle):
+    with session():
+        for played in _work(ruleset, split(plans, _n_cores()), bundle, walls):
             yield from save(dress(played, by_identity), journals)
 
 
-def _work(ruleset: Ruleset, tasks: list[list[MatchPlan]], bundle: Bundle) -> Iterator[list[BareRecord]]:
+def _work(ruleset: Ruleset, tasks: list[list[MatchPlan]], bundle: Bundle, walls: Walls) -> Iterator[list[BareRecord]]:
     """Yield what each task returned; one that was lost with its machine or its process is begun anew.
 
     Ray's own retries are off: they would never give up a task that takes more memory than there is.
     """
     remote = ray.remote(max_retries=0, num_cpus=1)(play_task)
-    rules, sent = ray.put(ruleset), ray.put(bundle)  # once for all tasks
+    rules, sent, behind = ray.put(ruleset), ray.put(bundle), ray.put(walls)  # once for all tasks
     waiting, running = deque(_Task(plans) for plans in tasks), dict[Any, _Task]()
     while waiting or running:
         while waiting and len(running) < _TASKS_PER_CORE * _n_cores():
             task = waiting.popleft()
-            running[remote.remote(rules, strip(task.plans), sent, RULES_VERSION)] = task
+            running[remote.remote(rules, strip(task.plans), sent, RULES_VERSION, behind)] = task
         [done], _ = ray.wait(list(running))
         task = running.pop(done)
         try:
@@ -115,7 +134,9 @@ def _work(ruleset: Ruleset, tasks: list[list[MatchPlan]], bundle: Bundle) -> Ite
         yield played
 
 
-def play_task(ruleset: Ruleset, plans: list[BarePlan], bundle: Bundle, rules_version: int) -> list[BareRecord] | Refusal:
+def play_task(
+    ruleset: Ruleset, plans: list[BarePlan], bundle: Bundle, rules_version: int, walls: Walls
+) -> list[BareRecord] | Refusal:
     """Play a task on a machine of the cluster. Sentences come home as values: an error's class may be known only here."""
     if rules_version != RULES_VERSION:
         sentence = (
@@ -123,7 +144,8 @@ def play_task(ruleset: Ruleset, plans: list[BarePlan], bundle: Bundle, rules_ver
         )
         return Refusal(sentence=f"{sentence}; install the same arena on both", is_input=False)
     try:
-        return play_bare(ruleset, plans, partial(load_entry, bundle.unpack()), None)
+        load = partial(load_walled, bundle.unpack(), walls.sandboxes, walls.patience_s, _SEATS_PER_TASK)
+        return play_bare(ruleset, plans, load, None)
     except ArenaError as error:
         return Refusal(sentence=f"machine {socket.gethostname()} of the cluster: {error}", is_input=isinstance(error, InputError))
 
@@ -153,8 +175,11 @@ def _n_cores() -> int:
 
 
 @contextmanager
-def _cluster() -> Iterator[None]:
-    """Be part of the cluster that RAY_ADDRESS names, or of one of our own."""
+def session() -> Iterator[None]:
+    """Be part of the cluster that RAY_ADDRESS names, or of one of our own; within a session, of the same."""
+    if ray.is_initialized():
+        yield
+        return
     address = os.environ.get("RAY_ADDRESS", "")
     own: dict[str, Any] = {"num_cpus": len(os.sched_getaffinity(0)), "include_dashboard": False, "_node_ip_address": _LOOPBACK}
     _check(address)

@@ -327,11 +327,13 @@ def test_a_file_that_nobody_trusts_is_refused_where_nothing_stands_between_it_an
     (tmp_path / "mine.py").touch()
 
     with pytest.raises(
-        InputError, match=rf'plays mine in venue = "{venue}", .* write trusted = \["mine"\], else venue = "network"'
+        InputError,
+        match=rf'plays mine without walls in venue = "{venue}", .* write trusted = \["mine"\], else leave out sandbox = "none"$',
     ):
-        parse(f'venue = "{venue}"\n{STRANGERS}', tmp_path)
+        parse(f'venue = "{venue}"\nsandbox = "none"\n{STRANGERS}', tmp_path)
 
     assert parse(f'venue = "{venue}"\ntrusted = ["mine"]\n{STRANGERS}', tmp_path).trusted == {"mine"}
+    assert parse(f'venue = "{venue}"\n{STRANGERS}', tmp_path).sandboxes["mine"].has_wall
 
 
 @pytest.mark.parametrize(

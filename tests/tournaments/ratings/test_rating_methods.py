@@ -97,6 +97,27 @@ def test_a_method_that_cannot_be_loaded_is_one_sentence() -> None:
         find_method("broken")
 
 
+def old_points(names: Sequence[str], outcomes: Sequence[Outcome], *, are_maps_fresh: bool = False, n_draws: int = 1) -> Ratings:
+    """Rate as a method does that was written before entries had versions."""
+    return points(names, outcomes)
+
+
+def test_a_method_that_knows_no_versions_rates_leagues_as_before_and_says_so_when_it_is_asked_for_them(
+    here: Arena, stored: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = [EntryPoint("old", f"{__name__}:old_points", GROUP)]
+    monkeypatch.setattr(plug_ins, "entry_points", lambda group: found if group == GROUP else [])
+    with Store(str(stored / "arena.db")) as store:
+        store.add(store.get("friday"), met("a", "b.2", 0, "a", Team.BLUE, league="friday"))
+    asked = ("leaderboard", "--data", stored, "--ratings", "old")
+
+    refused = here(*asked, "--all-versions")
+
+    assert here(*asked).returncode == 0
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert "the rating method old cannot rate versions: it takes no follows" in refused.stderr
+
+
 def test_a_ladder_keeps_its_own_ratings(here: Arena, stored: Path) -> None:
     done = here("leaderboard", "--ladder", "--data", stored, "--ratings", "davidson")
 

@@ -108,7 +108,7 @@ def test_a_new_version_takes_the_place_of_the_old_one_whose_results_and_rating_s
     play(season, 300)
 
     assert (first, second) == ("ann", "ann.2")
-    assert first in season.venue.withdrawn
+    assert first in season.venue.named_gone
     ratings = season.runner.table.ratings
     assert set(ratings) == {"ann.2", "patrol", "random", "rush"}
     assert ratings["ann.2"].rank == 1
@@ -148,6 +148,27 @@ def test_a_version_whose_matches_are_void_again_and_again_disturbs_nobody(season
     assert season.runner.results.record("ann.2").n_matches > 0
 
 
+def test_versions_that_go_and_come_back_before_they_could_play_keep_nobody_from_playing(season: PretendedSeason) -> None:
+    season.venue.most = 0
+    first = season.submit("ann", "d1", 0.0)
+    season.runner.step(Phase.OPEN)
+    second = season.submit("ann", "d2", 0.0)
+    season.runner.step(Phase.OPEN)
+    entry = season.store.find_entry(season.row, "ann")
+    assert entry is not None
+    season.store.play_version(season.row, entry, 1)
+    season.runner.step(Phase.OPEN)
+
+    season.venue.most = MOST_UNDER_WAY
+    season.runner.step(Phase.OPEN)
+    assert season.runner.suspended == []
+    play(season, 100)
+
+    assert season.runner.results.record(first).n_matches > 0
+    assert season.runner.results.record(second).n_matches == 0
+    check_books(season)
+
+
 def test_an_entry_that_joins_by_itself_is_chosen_while_it_is_there(season: PretendedSeason) -> None:
     key = "key:" + "A" * 42 + "E"
     given = season.store.submit(season.row, entry="far", owner="k", digest="d", n_bytes=0, now_s=1.0)
@@ -155,6 +176,7 @@ def test_an_entry_that_joins_by_itself_is_chosen_while_it_is_there(season: Prete
     season.venue.elo["far"] = 0.0
     play(season, 50)
     assert season.runner.results.record("far").n_matches == 0
+    assert "far" in season.venue.known, "it cannot come"
 
     season.venue.present = frozenset({"far"})
     play(season, 50)
@@ -184,6 +206,26 @@ def test_while_submissions_are_checked_little_is_played_beside(season: Pretended
         season.runner.step(Phase.OPEN, is_busy=True)
 
     assert season.runner.n_under_way == MOST_WHEN_BUSY
+
+
+def test_whoever_joins_by_itself_and_leaves_keeps_nobody_waiting(season: PretendedSeason) -> None:
+    given = season.store.submit(season.row, entry="far", owner="k", digest="d", n_bytes=0, now_s=1.0)
+    season.store.accept(season.row, given, spec=f"key:{'A' * 42}E", says="", report=None, now_s=1.0)
+    season.venue.elo["far"] = 0.0
+    season.venue.present = frozenset({"far"})
+    season.venue.most = 0
+    season.runner.step(Phase.OPEN)
+    assert any("/far/" in identity for identity in season.venue.given)
+
+    season.venue.present = frozenset()
+    season.venue.waits_for = {"far"}
+    season.venue.most = 8
+    play(season, 300)
+
+    assert season.venue.withdrawn == {"far"}
+    assert season.runner.results.n_matches >= 300
+    assert "far" not in season.runner.suspended
+    check_books(season)
 
 
 def test_the_public_table_stands_still_while_the_season_is_frozen(season: PretendedSeason) -> None:

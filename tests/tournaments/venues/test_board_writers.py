@@ -51,8 +51,8 @@ def test_what_a_bot_wrote_on_the_board_is_no_result(make: Make, tmp_path: Path) 
 
     assert str(caught.value) in [
         f"match {plan.identity} is not stored, and the league stops: the journal does not verify: at tick 3 its orders or its "
-        f"state were changed. The board was changed by {tmp_path}/writer.py; take it out of the league, or play with "
-        'venue = "network"'
+        f"state were changed. The board was changed by {tmp_path}/writer.py; take it out of the league, or out of "
+        '"trusted", so that it plays behind a wall'
         for plan in plans
     ]
 

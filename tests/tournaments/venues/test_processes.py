@@ -22,8 +22,8 @@ from arena.match.time_control import TimeControl
 from arena.sandbox.limits import NO_LIMITS
 from arena.sandbox.process import Sandbox
 from tournaments.outcome import Outcome
+from tournaments.venues.bundle import freeze
 from tournaments.venues.local import play as play_local
-from tournaments.venues.network import freeze
 from tournaments.venues.network import play as play_network
 from tournaments.venues.processes import MOST_DEATHS
 

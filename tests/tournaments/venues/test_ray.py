@@ -23,12 +23,18 @@ from arena.game.ruleset import load as load_rules
 from arena.game.types import RULES_VERSION
 from arena.jit import cache_root
 from arena.local.venue import strip
+from arena.match.time_control import TimeControl
 from arena.records.plan import MatchPlan
+from arena.sandbox.limits import BEHIND_A_WALL
+from arena.sandbox.process import Sandbox
+from arena.submission import PROGRAM, Submission
+from policies.workers.files import fighter_in
 from tournaments.fixture import plan_fixture
 from tournaments.outcome import Outcome
 from tournaments.venues.bundle import pack
 from tournaments.venues.local import play as play_local
-from tournaments.venues.ray import Refusal, play_on_cluster, play_task
+from tournaments.venues.open_venue import open_venue
+from tournaments.venues.ray import NO_WALLS, Refusal, play_on_cluster, play_task
 from tournaments.venues.ray import play as play_ray
 from tournaments.venues.setting import VenueSetting
 
@@ -51,6 +57,13 @@ class Bot:
         return [observation.tick % 5] * len(observation.units)
 """
 """A bot that says which node its process belongs to, and begins once the gate is open."""
+READING = b"""
+import pathlib
+orders = [int(order) for order in pathlib.Path("orders.txt").read_text().split()]
+while True:
+    if "observation" in input():
+        print(orders, flush=True)
+"""
 
 
 @contextmanager
@@ -125,9 +138,12 @@ def witness(tmp_path: Path) -> Iterator[Witness]:
     witness.close()
 
 
-def setting_of(entries: dict[str, str], folder: Path) -> VenueSetting:
+def setting_of(entries: dict[str, str], folder: Path, *walled: str) -> VenueSetting:
     places = {place: folder / place for place in ("journals", "keys", "homes")}
-    return VenueSetting(ruleset=RULES, entries=entries, time_control=None, slots=1, **places)  # type: ignore[arg-type]  # no clock here
+    sandboxes = dict.fromkeys(walled, Sandbox(has_wall=True, limits=BEHIND_A_WALL))
+    return VenueSetting(
+        ruleset=RULES, entries=entries, time_control=TimeControl(turn_time_s=None), slots=1, sandboxes=sandboxes, **places
+    )
 
 
 def plans_of(entries: dict[str, str], n_pairs: int = 3) -> list[MatchPlan]:
@@ -198,7 +214,7 @@ def test_a_machine_that_cannot_load_a_fighter_says_so_in_a_sentence(cluster: Clu
 def test_a_machine_that_does_not_know_a_fighter_says_so_in_a_sentence() -> None:
     entries = {"wolf": "wolf", "random": "random"}
 
-    refusal = play_task(RULES, strip(plans_of(entries)), pack(entries), RULES_VERSION)
+    refusal = play_task(RULES, strip(plans_of(entries)), pack(entries), RULES_VERSION, NO_WALLS)
 
     assert isinstance(refusal, Refusal)
     assert refusal.is_input
@@ -218,12 +234,16 @@ def test_who_leaves_early_can_begin_again(cluster: Cluster, tmp_path: Path) -> N
 
 
 @pytest.mark.usefixtures("one_core")
-def test_a_node_that_is_killed_loses_nothing(
+def test_a_node_that_is_killed_loses_nothing_and_strangers_play_behind_walls_wherever_they_are_sent(
     cluster: Cluster, witness: Witness, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    entries = {"rush": "rush", "patrol": "patrol", "here": witness.bot(tmp_path / "here.py")}
+    submitted = Submission(kind=PROGRAM, main="python3 main.py", files={"main.py": READING, "orders.txt": b"1 2 1 4 0 3"})
+    (tmp_path / "deep").mkdir()
+    submitted.write(tmp_path / "deep")
+    entries = {"rush": "rush", "here": witness.bot(tmp_path / "here.py"), "deep": fighter_in(tmp_path / "deep")}
+    plans = plans_of(entries, 1)
 
-    alone = by_identity(play_local(setting_of(entries, tmp_path / "local"), plans_of(entries)))
+    alone = by_identity(play_local(setting_of(entries, tmp_path / "local", "deep"), plans))
     witness.shut_gate()
     third = cluster.add_node(num_cpus=1)  # the others are left as they were
     cluster.wait_for_nodes()
@@ -237,18 +257,24 @@ def test_a_node_that_is_killed_loses_nothing(
 
     with ThreadPoolExecutor(1) as beside, caplog.at_level(logging.WARNING, "tournaments.venues.ray"):
         killed = beside.submit(kill)
-        together = by_identity(play_ray(setting_of(entries, tmp_path / "ray"), plans_of(entries)))
+        with open_venue("ray", setting_of(entries, tmp_path / "ray", "deep")) as venue:
+            venue.add({}, plans)
+            received = []
+            while venue.n_left:
+                received += venue.receive()
+        together = by_identity(iter(received))
         killed.result(PATIENCE_S)
 
     assert "are begun again: Task failed because the node it was running on is dead" in caplog.text
     assert together == alone
+    assert not any(seat.faults for outcome in received for seat in outcome.seats.values())
     assert journals_in(tmp_path / "ray") == journals_in(tmp_path / "local")
 
 
 def test_a_machine_with_other_rules_plays_nothing() -> None:
     parcel = pack({"rush": "rush", "random": "random"})
 
-    refusal = play_task(RULES, strip(plans_of({"rush": "", "random": ""})), parcel, RULES_VERSION + 1)
+    refusal = play_task(RULES, strip(plans_of({"rush": "", "random": ""})), parcel, RULES_VERSION + 1, NO_WALLS)
 
     assert isinstance(refusal, Refusal)
     assert "install the same arena on both" in refusal.sentence
