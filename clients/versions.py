@@ -16,9 +16,9 @@ _LENGTH = 32
 def find_version(spec: str, entry: bytes) -> str:
     """Return what tells the code of a fighter from its other versions, as a chunk.
 
-    It is a hash of the content of the bot's file, or of a program's command line and the files that it names, and of the entry's key:
-    nobody can tell from it what plays, or whether two entries play the same. Of our own fighters, and of installed ones, it is the
-    name, and the version of this package stands for the code.
+    It is a hash of the content of the bot's file, or of a program's command line and the files that it names, and of the entry's
+    key: nobody can tell from it what plays, or whether two entries play the same. Of our own fighters, and of installed ones, the
+    name and the version of this package stand for the code.
 
     Raises
     ------
