@@ -16,9 +16,9 @@ _LENGTH = 32
 def find_version(spec: str, entry: bytes) -> str:
     """Return what tells the code of a fighter from its other versions, as a chunk.
 
-    It is a hash of what the fighter is called, of the content of the file, or of the files that a program's command line names,
-    and of the entry's key: nobody can tell from it what plays, or whether two entries play the same. Of our own fighters, and of
-    installed ones, the version of this package stands for the code.
+    It is a hash of the content of the bot's file, or of a program's command line and the files that it names, and of the entry's
+    key: nobody can tell from it what plays, or whether two entries play the same. Of our own fighters, and of installed ones, the
+    name and the version of this package stand for the code.
 
     Raises
     ------
@@ -26,9 +26,11 @@ def find_version(spec: str, entry: bytes) -> str:
         A file cannot be read.
     """
     digest = sha256(entry)
-    parts = [spec.encode(), *_hash_files(spec)]
-    for part in parts if len(parts) > 1 else [*parts, version_of_package("arena-pit").encode()]:
-        digest.update(sha256(part).digest())
+    files = list(_hash_files(spec))
+    if spec.startswith(PREFIX) or not files:
+        digest.update(sha256(spec.encode()).digest())
+    for part in files or [version_of_package("arena-pit").encode()]:
+        digest.update(part)
     return digest.hexdigest()[:_LENGTH]
 
 

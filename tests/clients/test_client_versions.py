@@ -20,6 +20,7 @@ def test_a_version_changes_with_the_code_and_with_nothing_else(tmp_path: Path) -
 
     assert is_chunk(first)
     assert first == again != then
+    assert find_version(str(bot.rename(tmp_path / "moved.py")), ANN) == then
 
 
 def test_a_program_is_the_files_that_its_command_line_names(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ NEAR = 15.0
 simulated entries of like strength held the truth after 300 matches each; with this, nearly all do."""
 WIDEN_PER_S = 4.0
 """The widest difference there is, of about 40, is accepted after some ten seconds."""
-AGAIN = 21.0
+AGAIN = 17.0
 """A rematch waits as if the ratings were so much further apart: time for somebody else to turn up."""
 
 

@@ -66,7 +66,7 @@ class LadderEntry:
 def _model() -> "PlackettLuce":
     from openskill.models import PlackettLuce
 
-    return PlackettLuce(mu=START_MU, sigma=START_SIGMA)
+    return PlackettLuce(mu=START_MU, sigma=START_SIGMA, tau=0.0)  # days make ratings less certain here, not matches
 
 
 def age(entry: LadderEntry, now_s: float) -> LadderEntry:

@@ -1,7 +1,10 @@
 """The ladder over its store, on each database: what is counted, and what a pit that comes back finds."""
 
 import json
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -134,6 +137,41 @@ def test_a_strong_entry_waits_longer_for_a_weak_one(ladder: RatedLadder) -> None
 
     assert ladder.choose(wait("ann", "bob"), 0.5) is None
     assert ladder.choose(wait("ann", "bob"), 60.0) is not None
+
+
+def test_entries_of_an_older_store_played_last_when_their_last_match_was_counted(tmp_path: Path) -> None:
+    file = tmp_path / "arena.db"
+    with closing(sqlite3.connect(file)) as database:
+        database.executescript((Path(__file__).parents[1] / "store" / "gauntlet_of_0002.sql").read_text())
+        entries = [("pit", key, key, 25.0, 3.0, 1, 0, 1, 0, 1) for key in ("a", "b", "c")]
+        database.executemany(f"INSERT INTO ladder_entries VALUES (NULL, {', '.join('?' * 10)})", entries)
+        for number, (blue, red) in enumerate((("a", "b"), ("b", "a"), ("c", "a"))):
+            row = ("pit", f"x{number}", blue, red, blue, red, "capture", "blue", 1, 9, "", RULES, 1e9 + number)
+            database.execute(f"INSERT INTO ladder_matches VALUES (NULL, {', '.join('?' * 13)})", row)
+        database.execute("UPDATE ladder_matches SET ladder = 'pond' WHERE identity = 'x2'")
+        database.commit()
+
+    with LadderStore(str(file)) as store:
+        found = {entry.name: (entry.played_at, entry.version, entry.sigma) for entry in store.entries("pit")}
+
+    assert found == {"a": (1e9 + 1, "", 3.0), "b": (1e9 + 1, "", 3.0), "c": (0.0, "", 3.0)}
+
+
+def test_the_version_that_an_entry_came_with_is_kept_and_a_new_one_is_less_known(store_url: str) -> None:
+    def play(ladder: RatedLadder, number: int, version: str) -> float:
+        both = [replace(one, version=version if one.entry == KEYS["ann"] else "") for one in wait("ann", "bob")]
+        assert ladder.choose(both, 60.0) is not None
+        ladder.count(match(number))
+        return float(next(row["sigma"] for row in ladder.standings() if row["name"] == "ann"))
+
+    with open_ladder(store_url, "pit", RULES) as ladder:
+        sigmas = [play(ladder, number, "one") for number in range(40)]
+    with open_ladder(store_url, "pit", RULES) as ladder:
+        same, new = play(ladder, 40, "one"), play(ladder, 41, "two")
+
+    assert same <= sigmas[-1] < new
+    with LadderStore(store_url, make=False) as store:
+        assert {entry.name: entry.version for entry in store.entries("pit")} == {"ann": "two", "bob": ""}
 
 
 def test_two_pits_of_one_name_do_not_share_a_ladder(store_url: str) -> None:
