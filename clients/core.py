@@ -67,10 +67,8 @@ class ClientCore:
         """Questions so far; matches so far, without those that were gone before they ended."""
         self.n_ended = 0
         """Matches that were played to their end."""
-        self._connected_at_s: float | None = None
-        """When the last connection was opened."""
-        self._lost_at_s: float | None = None
-        """When the pit was last there; None until it has answered."""
+        self._connected_at_s: float | None = None  # when the last connection was opened
+        self._lost_at_s: float | None = None  # when the pit was last there; None until it has answered
         self._has_answered = False
         """Whether the pit has answered over this connection."""
 
@@ -226,6 +224,8 @@ class ClientCore:
             rules_hash=settings.rules_hash,
             match="" if seat is None else seat.ticket.match,
             invite=settings.invite,
+            # A pit that knew no versions yet does not read a request with one: whoever got no answer asks without.
+            version="" if seat is not None or slot.n_unanswered % 2 else settings.version,
         )
         attempt = Attempt(settings.identity, settings.pit, challenge, request)
         query = self._query(topics.join(settings.pit), attempt.sealed, limit_s)

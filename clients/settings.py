@@ -34,6 +34,8 @@ class ClientSettings:
     identity: Identity = field(default_factory=Identity.make)
     """Of the entry."""
     invite: str = ""
+    version: str = ""
+    """As in `arena.protocol.messages.JoinRequest`."""
     trust: Callable[[bytes], None] = lambda _: None
     """Raises if the pit whose public key it is given is not the one that was meant."""
     authority: Path | None = None

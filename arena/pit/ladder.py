@@ -5,6 +5,7 @@ public key here: a name can be given back.
 """
 
 import logging
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from arena.game.types import Team
 from arena.pit.seating import Pairing, Seating
 from arena.pit.seats import SlotId
 from arena.policy import MatchResult
+from arena.protocol.identity import to_text
 from arena.protocol.messages import Closed, JoinRequest, Refusal, Wait
 from arena.records.journal import identity_of, journal_name, load_journal
 from arena.records.plan import MatchPlan, PitMatchId
@@ -26,6 +28,8 @@ logger = logging.getLogger(__name__)
 
 MOST_CONSIDERED = 64
 """Entries from which an opponent is chosen: those that have waited longest, so that a crowd costs no match its turns."""
+MOST_OF_OWNER = 4
+"""Of these, entries of one owner: they do not meet each other, and must not keep all others from being considered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +39,10 @@ class Waiting:
     entry: bytes
     """Public key."""
     since_s: float
+    owner: str = ""
+    """Two of one owner do not meet."""
+    version: str = ""
+    """As in `arena.protocol.messages.JoinRequest`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +65,7 @@ class Ladder(Protocol):
         """Return the matches that were counted already, by any pit that kept this ladder."""
 
     def choose(self, waiting: Sequence[Waiting], now_s: float) -> tuple[Waiting, Waiting] | None:
-        """Return who plays blue and who plays red, if two are to meet now; all that wait have keys of their own."""
+        """Return who plays blue and who plays red, if two of different owners are to meet now; all have keys of their own."""
 
     def count(self, match: LadderMatch) -> None:
         """Take a result, once; `ArenaError` if results cannot be kept any more."""
@@ -86,15 +94,29 @@ OpenLadder = Callable[[str, str, str], AbstractContextManager[Ladder]]
 """Takes where it is kept (a URL or a file), the name of the pit, and the hash of the ruleset that it plays."""
 
 
+class _Place(NamedTuple):
+    """A slot's place in the queue."""
+
+    name: str
+    since_s: float
+    version: str
+
+
 class LadderSeating(Seating):
     """Whoever comes, against whom the ladder chooses."""
 
     plays_maps_once = True
 
-    def __init__(self, ladder: Ladder, make_plan: Callable[[str, str], MatchPlan], n_matches: int | None) -> None:
-        self._ladder, self._make_plan, self._left = ladder, make_plan, n_matches
-        self._waiting: dict[bytes, dict[SlotId, tuple[str, float]]] = {}
-        """By entry, the one that is to be looked at next first: the name and the beginning of each slot's wait."""
+    def __init__(
+        self,
+        ladder: Ladder,
+        make_plan: Callable[[str, str], MatchPlan],
+        n_matches: int | None,
+        owner_of: Callable[[bytes], str] = to_text,
+    ) -> None:
+        self._ladder, self._make_plan, self._left, self._owner_of = ladder, make_plan, n_matches, owner_of
+        self._waiting: dict[bytes, dict[SlotId, _Place]] = {}
+        """By entry, the one that is to be looked at next first."""
 
     @property
     def is_done(self) -> bool:
@@ -119,18 +141,16 @@ class LadderSeating(Seating):
             return Closed(reason="the pit begins no more matches")
         if request.team != "any":
             return Refusal(reason="on a ladder the pit gives out the teams; join with --team any")
-        self._waiting.setdefault(request.entry, {}).setdefault(slot, (request.name, now_s))
+        slots = self._waiting.setdefault(request.entry, {})
+        before = slots.get(slot) or _Place(request.name, now_s, "")
+        slots[slot] = before._replace(version=request.version or before.version)
         return Wait(reason="for an opponent")
 
     def pair_up(self, now_s: float) -> Pairing | None:
         """Return the match of two entries that the ladder has chosen, if any."""
         if self.is_done or len(self._waiting) < len(Team):
             return None
-        waiting = [
-            Waiting(entry=entry, since_s=next(iter(slots.values()))[1])
-            for entry, slots in islice(self._waiting.items(), MOST_CONSIDERED)
-        ]
-        chosen = self._ladder.choose(waiting, now_s)
+        chosen = self._ladder.choose(list(islice(self._find_considered(), MOST_CONSIDERED)), now_s)
         if chosen is None:
             return None
         if self._left is not None:
@@ -138,11 +158,20 @@ class LadderSeating(Seating):
         (blue, blue_name), (red, red_name) = (self._take(one.entry) for one in chosen)
         return Pairing(self._make_plan(blue_name, red_name), {Team.BLUE: blue, Team.RED: red})
 
+    def _find_considered(self) -> Iterator[Waiting]:
+        n_of_owner: Counter[str] = Counter()
+        for entry, slots in self._waiting.items():
+            owner = self._owner_of(entry)
+            n_of_owner[owner] += 1
+            if n_of_owner[owner] <= MOST_OF_OWNER:
+                first = next(iter(slots.values()))
+                yield Waiting(entry=entry, since_s=first.since_s, owner=owner, version=first.version)
+
     def _take(self, entry: bytes) -> tuple[SlotId, str]:
         """Take the slot of an entry that has waited longest; its other slots line up behind the other entries."""
         slots = self._waiting.pop(entry)
         slot = next(iter(slots))
-        name, _ = slots.pop(slot)
+        name = slots.pop(slot).name
         if slots:
             self._waiting[entry] = slots
         return slot, name

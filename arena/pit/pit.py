@@ -73,7 +73,7 @@ class Pit:
         if settings.ladder is None:
             self._seating = OpenSeating(self._make_plan, settings.n_matches)
         else:
-            self._seating = LadderSeating(settings.ladder, self._make_plan, settings.n_matches)
+            self._seating = LadderSeating(settings.ladder, self._make_plan, settings.n_matches, settings.register.owner_of)
 
     def stop(self) -> None:
         """Begin no more matches; a second call does not wait for those that run."""

@@ -22,8 +22,10 @@ class Register:
     """Names, invites and bans; kept in `path`, or in memory alone."""
 
     def __init__(self, path: Path | None = None, invites: Iterable[str] | None = None, names: Mapping[str, bytes] | None = None):
+        """Open a register; `invites` are codes, or, as `read_invites` has them, codes and whose each is."""
         self._path = path
         self._codes = None if invites is None else frozenset(invites)
+        self._owners = invites if isinstance(invites, Mapping) else {}
         self._names = {name: to_text(key) for name, key in (names or {}).items()}
         self._invites: dict[str, str] = {}
         self._banned: dict[str, str] = {}
@@ -75,6 +77,13 @@ class Register:
         if self._codes is not None and request.invite not in self._invites:
             self._invites[request.invite] = to_text(request.entry)
             self._changes.append(("invites", request.invite, self._invites[request.invite]))
+
+    def owner_of(self, entry: bytes) -> str:
+        """Return what tells whose an entry is: the same for keys whose invite codes have one owner, else the key itself."""
+        key = to_text(entry)
+        return next(
+            (f"owner {self._owners[code]}" for code, its in self._invites.items() if its == key and code in self._owners), key
+        )
 
     def claim(self, name: str, entry: bytes) -> None:
         """Give a name to the key that finished a match under it, if it is nobody's yet."""
@@ -187,15 +196,23 @@ def _is_key(text: str) -> bool:
     return True
 
 
-def read_invites(path: Path) -> list[str]:
-    """Return the codes of a file, one a line; what follows # is a comment."""
+def read_invites(path: Path) -> dict[str, str]:
+    """Return the codes of a file, one a line, and whose each is; what follows # is a comment.
+
+    Behind a code may stand its owner, one word; else it is an owner of its own.
+    """
     try:
-        codes = [line.partition("#")[0].strip() for line in path.read_text().splitlines()]
+        lines = [line.partition("#")[0].split() for line in path.read_text().splitlines()]
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read invites from {path}: {getattr(error, 'strerror', None) or 'it is no text'}") from error
-    codes = [code for code in codes if code]
-    if not codes:
+    lines = [words for words in lines if words]
+    if not lines:
         raise InputError(f"{path} holds no invite codes; write one a line")
-    if len(set(codes)) < len(codes):
+    if any(len(words) > 2 for words in lines):
+        raise InputError(
+            f"{path} holds a line of more than two words; write an invite code, and behind it its owner, if you like"
+        )
+    owners = {words[0]: words[-1] for words in lines}
+    if len(owners) < len(lines):
         raise InputError(f"{path} holds an invite code twice")
-    return codes
+    return owners

@@ -69,6 +69,8 @@ def object_to(request: JoinRequest, ruleset: Ruleset) -> str:
         return f"there is no team {request.team!r}; red, blue or any"
     if not topics.is_label(request.name) or not topics.is_chunk(request.client):
         return "a name is 1 to 64 letters, digits, - or _"
+    if request.version and not topics.is_chunk(request.version):
+        return "a version is 1 to 64 letters, digits, - or _"
     if not 0 <= request.slot < MOST_SLOTS:
         return f"there is no slot {request.slot}; a client has slots 0 to {MOST_SLOTS - 1}"
     return ""

@@ -94,6 +94,8 @@ class JoinRequest:
     """The client's share of the seat's keys."""
     challenge: bytes = b""
     pit_key: bytes = b""
+    version: str = field(default="", metadata=LATER)
+    """Tells the entry's code from that of its other versions, as a chunk; empty if the client does not say."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -59,6 +59,8 @@ def join(
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where transcripts live; your data folder without it.")] = None,
 ) -> None:
     """Play matches in a pit, and print how each ended."""
+    from dataclasses import replace
+
     from arena.compiling import compile_kernels, game_kernels
     from arena.folders import data_folder
     from arena.game.ruleset import load as load_rules
@@ -70,6 +72,7 @@ def join(
     from clients.feedback import Feedback
     from clients.runner import Runner
     from clients.settings import ClientSettings
+    from clients.versions import find_version
     from policies.precompile import fighter_kernels
     from policies.program import name_of
     from policies.registry import OWN, check_name
@@ -103,6 +106,7 @@ def join(
     compile_kernels([*rules_of_audit, *fighter_kernels([] if program else [autopilot or policy])])
     if workers is not None:
         workers.prepare()
+    identity = load_or_make(entry_key_path(entry.partition(".")[0])) if key is None else load(key)
     settings = ClientSettings(
         endpoint=where.endpoint,
         pit=where.pit,
@@ -113,15 +117,17 @@ def join(
         n_slots=n_slots,
         patience_s=patience,
         is_patient=is_human or workers is not None,
-        **({} if workers is None else {"count_ready": workers.count_ready}),
         rules_hash=load_rules(rules).hash if rules else "",
-        identity=load_or_make(entry_key_path(entry.partition(".")[0])) if key is None else load(key),
+        identity=identity,
         invite=invite,
+        version="" if is_human else find_version(spec, identity.public),
         trust=lambda pit_key: trust(where, pit_key, None if mailbox is None else notes.append),
         authority=authority,
         on_audit=_print_verdict if audit else None,
         transcripts=None if no_transcripts else data_folder(transcripts or data_folder(data) / "transcripts"),
     )
+    if workers is not None:
+        settings = replace(settings, count_ready=workers.count_ready)
     if mailbox is not None:
         _play_as_human(mailbox, settings, notes)
         return

@@ -229,6 +229,30 @@ def test_a_client_that_is_to_wait_asks_again_at_once() -> None:
     assert isinstance(both.answer(ticket())[0], events.MatchBegun)
 
 
+def test_a_client_says_by_which_version_of_its_code_it_plays() -> None:
+    both = Joined(version="0123abcd", n_matches=2)
+    both.connect()
+    both.answer(ticket())
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
+    both.answer(ticket())  # of the match that it plays, whose version the pit knows
+
+    assert [request.version for request in both.requests] == ["0123abcd", ""]
+
+
+def test_a_pit_that_cannot_read_a_version_is_asked_without_one() -> None:
+    both = Joined(version="0123abcd")
+    both.connect()
+    both.reply(both.challenge())
+    refusal = Refusal(reason="JoinRequest has 13 fields, not 14")  # as a pit of before answers, which cannot seal it
+    assert both.reply(encode(refusal)) == []
+
+    both.feed(events.TimePassed(), TICK_S)
+    begun = both.answer(ticket())[0]
+
+    assert isinstance(begun, events.MatchBegun)
+    assert [request.version for request in both.requests] == [""]
+
+
 def test_a_refusal_is_an_error_with_the_pits_reason() -> None:
     both = Joined()
     both.connect()

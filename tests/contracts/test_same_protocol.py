@@ -56,8 +56,10 @@ from arena.protocol.topics import (
     all_truths,
     beat,
     check_chunk,
+    check_label,
     delayed,
     is_chunk,
+    is_label,
     join,
     journal,
     lobby,
@@ -168,10 +170,12 @@ def test_the_keys_of_the_network_are_those_of_before(same: Same) -> None:
         told.append(f"{key or '-'}: {[say(read, key) for read in readers]}")
     for chunk in ("ann", "a/b", "*", "", "a" * 64, "a" * 65, "böb"):
         told.append(f"{chunk or '-'}: {is_chunk(chunk)} {say(check_chunk, 'the name', chunk)}")
+    for label in ("ann.2", "ann.20", "ann.1", "ann.02", "ann.x", "ann.2.2"):
+        told.append(f"{label}: {is_chunk(label)} {is_label(label)} {say(check_label, 'the name', label)}")
 
     module = getmodule(observation)
     every = {one for one in vars(module).values() if isfunction(one) and getmodule(one) is module}
-    assert every <= {*seat_topics, *match_topics, *pit_topics, *readers, presence, is_chunk, check_chunk}
+    assert every <= {*seat_topics, *match_topics, *pit_topics, *readers, presence, is_chunk, check_chunk, is_label, check_label}
     same("topics.txt", "\n".join([*told, ""]))
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -12,9 +13,13 @@ from urllib.request import urlopen
 import pytest
 from chromium import ABSENT, axe, browser, says, visit
 from commands import run_here
+from made_seasons import keep_table, make_season, play_pairs, submit
 
 from arena.network.session import free_port
+from arena.protocol.identity import Identity
+from arena.protocol.page_token import make_page_token
 from arena.records.journal import load_journal
+from tournaments.store.season_store import SeasonStore
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -22,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["axe", "browser", "visit"]
 
 Start = Callable[..., Any]
+ANN = Identity.make()
 CONTROLS = "a[href], button, input, select, summary"
 FOCUSED = """
 () => {
@@ -50,6 +56,9 @@ PAGES = {
     "league": ("/league", "2 of 2 matches"),
     "ladder": ("/league?ladder=pit", "The ladder of the pit"),
     "head to head": ("/league/head-to-head?league=friday&a=rush&b=random", "rush scored"),
+    "season": ("/seasons/course", "The season is open"),
+    "entry of a season": ("/seasons/course/ann", "Version 3 plays"),
+    "its owner's view": ("/seasons/course/ann#token={token}", "The last submission is checked next"),
     "rules": ("/rules", "How a match is won"),
     "absent": ("/nowhere", "There is no such page"),
 }
@@ -72,6 +81,14 @@ def open_pit(start: Start, folder: Path) -> tuple[Start, str]:
 @pytest.fixture(scope="module")
 def home(shared_start: Start, data: Path) -> str:
     """Open a pit with its page, play a league and a match of the ladder; return where the page is."""
+    with SeasonStore(str(data / "arena.db")) as store:
+        season = make_season(store, {"ann": ANN.fingerprint, "bob": "bob"}, 3)
+        play_pairs(store, season, list(season.definition["entries"]), 4)
+        keep_table(store, season, deadline_s=time.time() + 86_400, new={"bob.3"})
+        submit(store, season, "ann", ANN.fingerprint, "it dies in tick 3")
+        submit(store, season, "ann", ANN.fingerprint)
+    (data / "journals" / "course").mkdir(parents=True)
+    (data / "journals" / "course" / "ann.3.log").write_text("What it wrote.\n" * 100)
     league = data / "friday.toml"
     league.write_text(LEAGUE)
     run_here("tournament", "run", league, "--data", data)
@@ -139,6 +156,13 @@ def test_every_page_is_used_by_keyboard_and_named(home: str, visit: Start) -> No
     assert names(page).count('link "Replay of rush against random') == 1
     walk(page)
 
+    page.goto(f"{home}/seasons/course/ann#token={make_page_token(ANN, 'course', time.time())}")
+    page.get_by_text("The end of its log").wait_for()
+    page.get_by_text("The end of its log").press("Enter")
+    page.get_by_role("region", name="Log").wait_for()
+    names(page)
+    walk(page)
+
 
 def test_a_seat_is_taken_and_played_by_keyboard_and_told_of(serve: Start, visit: Start) -> None:
     page_port = free_port()
@@ -168,7 +192,8 @@ def test_a_page_has_no_fault_that_axe_finds_and_fits(
     path, text = PAGES[name]
     match = next(load_journal(path).name for path in (data / "journals").glob("*.journal"))
     url = empty_home if "before the first" in name else home
-    page = visit(url + path.format(match=match), width=WIDTHS[0], expects=ABSENT if name == "absent" else "")
+    address = path.format(match=match, token=make_page_token(ANN, "course", time.time()))
+    page = visit(url + address, width=WIDTHS[0], expects=ABSENT if name == "absent" else "")
     page.get_by_text(text).first.wait_for()
     if name == "in a match":
         page.get_by_role("button", name=text).click()

@@ -39,6 +39,7 @@ class PretendedVenue:
         self.rng = np.random.default_rng(seed)
         self.plans: list[MatchPlan] = []
         self.given: list[str] = []
+        self.named_gone: set[str] = set()
         self.withdrawn: set[str] = set()
         self.broken: set[str] = set()
         self.waits_for: set[str] = set()
@@ -53,7 +54,9 @@ class PretendedVenue:
         self.given += [plan.identity for plan in plans]
 
     def withdraw(self, names: Collection[str], reason: str) -> None:
-        self.withdrawn |= set(names)
+        """Make what they have not begun void, as a pit does: what comes later of them is played."""
+        self.named_gone |= set(names)
+        self.withdrawn |= {plan.identity for plan in self.plans if not {plan.blue, plan.red}.isdisjoint(names)}
 
     def receive(self) -> list[Outcome]:
         self.rng.shuffle(self.plans)  # type: ignore[arg-type]  # NumPy shuffles lists in place
@@ -63,7 +66,8 @@ class PretendedVenue:
         return [self._end(plan) for plan in free]
 
     def _end(self, plan: MatchPlan) -> Outcome:
-        if self.broken & {plan.blue, plan.red} or self.withdrawn & {plan.blue, plan.red}:
+        if self.broken & {plan.blue, plan.red} or plan.identity in self.withdrawn:
+            self.withdrawn.discard(plan.identity)
             return ended(plan.identity, plan.blue, plan.red, None, ending=Termination.VOID)
         lead = self.elo[plan.blue] - self.elo[plan.red]
         blue = 1 / (1 + 10 ** (-lead / 400))

@@ -60,6 +60,8 @@ def open_season(
     from tournaments.store.season_store import SeasonStore
 
     chosen = load_league(file)
+    if chosen.season is None:
+        raise InputError(f"{file} is no season: write [season] into it, or play it as a league: arena tournament run {file}")
     venue = venue or chosen.venue
     if venue not in VENUES:
         raise InputError(f"--venue is {venue!r}; it is one of {', '.join(VENUES)}")

@@ -14,7 +14,7 @@ from tournaments.ladder.skill import LadderEntry
 from tournaments.store.schema import LADDER_ENTRIES, LADDER_MATCHES, StoreError
 from tournaments.store.store import Store, TakenError
 
-_FIELDS = ("key", "name", "mu", "sigma", "wins", "draws", "losses", "forfeits", "n_blue")
+_FIELDS = ("key", "name", "mu", "sigma", "wins", "draws", "losses", "forfeits", "n_blue", "version", "played_at")
 
 
 class TakenLadderError(ArenaError):
@@ -66,8 +66,13 @@ class LadderStore(Store):
             raise StoreError("the store holds no ladder yet; arena serve --ladder begins one")
         return ladders[0]
 
-    def count_match(self, ladder: str, match: LadderMatch, after: dict[Team, LadderEntry]) -> bool:
-        """Keep a match, and its two entries as they are after it; False if it was counted before, which changes nothing."""
+    def count_match(
+        self, ladder: str, match: LadderMatch, after: dict[Team, LadderEntry], counted_at: float | None = None
+    ) -> bool:
+        """Keep a match, counted at a time, else now, and its two entries as they are after it.
+
+        False if it was counted before, which changes nothing.
+        """
         row = {
             "ladder": ladder,
             "identity": match.identity,
@@ -77,7 +82,7 @@ class LadderStore(Store):
             "red_key": to_text(match.entries[Team.RED]),
             **match.result.to_dict(),
             "rules": match.rules_hash,
-            "counted_at": time.time(),
+            "counted_at": time.time() if counted_at is None else counted_at,
         }
         keep = self._insert(LADDER_MATCHES).values(row).on_conflict_do_nothing(index_elements=["identity"]).inline()
         changes = []

@@ -134,7 +134,9 @@ def find_shares(name: str) -> ShareMethod:
     return find_plug_in(GROUP, "method of shares", _OWN, name)
 
 
-def share(names: Sequence[str], outcomes: Sequence[Outcome], method: ShareMethod) -> Mapping[str, Share]:
+def share(
+    names: Sequence[str], outcomes: Sequence[Outcome], method: ShareMethod, *, n_draws: int = _N_DRAWS
+) -> Mapping[str, Share]:
     """Return the share of each entry, with intervals from pairs drawn anew as those of ratings are; the same every time."""
     index = {name: number for number, name in enumerate(sorted(names))}
     n = len(index)
@@ -157,7 +159,7 @@ def share(names: Sequence[str], outcomes: Sequence[Outcome], method: ShareMethod
 
     best = method(*tables(times))
     rng = np.random.default_rng(_SEED)
-    drawn = np.array([method(*_with_unseen(*tables(rng.standard_gamma(times)), rng)) for _ in range(_N_DRAWS)])
+    drawn = np.array([method(*_with_unseen(*tables(rng.standard_gamma(times)), rng)) for _ in range(n_draws)])
     low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
     return {
         name: Share(share=float(best[at]), low=float(min(low[at], best[at])), high=float(max(high[at], best[at])))

@@ -84,6 +84,8 @@ class SeasonRunner:
         self.table: Table = rate_season(self.results, self.roster.labels, self.roster.follows)
         self._plans: dict[str, MatchPlan] = {}
         self._n_void: Counter[str] = Counter()
+        self._withdrawn: set[str] = set()
+        """Matches that are void for no fault of those who were to play them, unless they had begun."""
         self._absent_since_s: dict[str, float] = {}
         self._rated_at_s, self._rate_every_s = 0.0, RATE_EVERY_S
         self._is_rated = False
@@ -172,6 +174,7 @@ class SeasonRunner:
             found["matches"] = self.results.record(label).n_matches
             self._store.keep_rating(row, entry.entry, entry.number, found)
         if gone:
+            self._withdrawn |= {one.identity for one in self._plans.values() if not gone.isdisjoint((one.blue, one.red))}
             self._venue.withdraw(gone, "another version plays")
         self._invite()
         self.table, self._is_rated = self._rate(), False
@@ -208,10 +211,13 @@ class SeasonRunner:
         if plan is None:
             return False
         labels = (outcome.blue, outcome.red)
+        was_withdrawn = outcome.identity in self._withdrawn
+        self._withdrawn.discard(outcome.identity)
         if outcome.result.ending is Termination.VOID:
             if self._absent & set(labels):
                 return False
-            self._n_void.update(labels)
+            if not was_withdrawn:
+                self._n_void.update(labels)
             if all(label in self.roster.entries and self._n_void[label] < MOST_VOID for label in labels):
                 self._add([plan])
             return False

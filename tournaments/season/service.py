@@ -20,7 +20,7 @@ from arena.network.session import open_router
 from arena.pit.register import Register, read_invites
 from arena.protocol.identity import Identity
 from tournaments.league.entries import REMOTE
-from tournaments.league.league import League, LeagueError
+from tournaments.league.league import League
 from tournaments.league.secret import commit_to, find_secret
 from tournaments.outcome import Outcome
 from tournaments.running.scheduler import Folders, Scheduler
@@ -92,9 +92,7 @@ class Season:
         clock: Callable[[], float] = time.time,
     ) -> None:
         if league.season is None:
-            raise LeagueError(
-                f"league {league.name} is no season; write [season] into its file, or play it: arena tournament run"
-            )
+            raise ValueError(f"league {league.name} is no season")
         self._league, self._terms, self._store, self._folders = league, league.season, store, folders
         self._events, self._clock, self._think_s = events, clock, think_s
         self._folder = folders.season(league.name)

@@ -122,6 +122,8 @@ LADDER_ENTRIES = Table(
     Column("losses", Integer, nullable=False),
     Column("forfeits", Integer, nullable=False),
     Column("n_blue", Integer, nullable=False),
+    Column("version", String(64), nullable=False, server_default=""),
+    Column("played_at", Double, nullable=False, server_default="0"),
     UniqueConstraint("ladder", "key"),
 )
 LADDER_MATCHES = Table(

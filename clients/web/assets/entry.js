@@ -55,9 +55,9 @@ const formatElo = (elo) => signed(Math.round(elo));
 const formatInterval = ({ elo_low, elo_high }) => `${formatElo(elo_low)} to ${formatElo(elo_high)}`;
 
 function versionTable({ versions, plays }) {
-  return table("Versions", ["Version", "Since", "Elo", "95% interval", "Matches"], versions.toReversed().map(({ number: n, entered_at, rating }) => [
-    h("th", { scope: "row" }, `${n}`, ...(n === plays ? [" ", h("span", { class: "tag" }, "plays")] : [])), h("td", {}, time(entered_at)),
-    ...(rating ? [formatElo(rating.elo), formatInterval(rating), rating.matches] : ["-", "-", "-"]).map(number)]));
+  return table("Versions", ["Version", "Elo", "95% interval", "Matches", "Since"], versions.toReversed().map(({ number: n, entered_at, rating }) => [
+    h("th", { scope: "row" }, `${n}`, ...(n === plays ? [" ", h("span", { class: "tag" }, "plays")] : [])),
+    ...(rating ? [formatElo(rating.elo), formatInterval(rating), rating.matches] : ["-", "-", "-"]).map(number), h("td", {}, time(entered_at))]));
 }
 
 /** The rating of each version with its interval, as wide as there is room. */
@@ -126,7 +126,7 @@ class OwnersView {
     this.body.hidden = Boolean(own.error);
     setText(this.state, own.error ? `Not shown: ${own.error}.` : describeQueue(own));
     if (own.error) return null;
-    fill(this.submissions, own.submissions.length ? submissionTable(own.submissions) : null);
+    fill(this.submissions, own.submissions.length ? listSubmissions(own.submissions) : null);
     const checked = own.submissions.find(({ lines }) => lines.length);
     this.check.hidden = !checked;
     setText(this.found, checked?.lines.join("\n") ?? "");
@@ -141,7 +141,7 @@ function describeQueue({ queue, submissions }) {
   return queue === 1 ? "The last submission is checked next, or just now." : `The last submission waits for its check, as number ${queue}.`;
 }
 
-function submissionTable(submissions) {
-  return table("Submissions", ["Submitted", "State", "Version", "Bytes", "Says"], submissions.map((one) => [
-    h("th", { scope: "row" }, time(one.received_at)), h("td", {}, one.state), number(one.number ?? "-"), number(one.n_bytes), h("td", {}, one.says)]));
+function listSubmissions(submissions) {
+  return h("ul", { "aria-label": "Submissions" }, submissions.map((one) => h("li", {}, time(one.received_at), " ", h("span", { class: "tag" }, one.state),
+    `${one.number === null ? "" : `version ${one.number}, `}${one.n_bytes} bytes${one.says ? `: ${one.says}` : ""}`)));
 }

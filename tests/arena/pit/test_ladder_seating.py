@@ -18,9 +18,10 @@ from arena.network.address import Address
 from arena.pit import admission
 from arena.pit.core import MOST_LISTED, MOST_STANDINGS
 from arena.pit.effects import MatchEnded
-from arena.pit.ladder import MOST_CONSIDERED, Ladder, LadderMatch, LadderSeating, Waiting, find_uncounted
+from arena.pit.ladder import MOST_CONSIDERED, MOST_OF_OWNER, Ladder, LadderMatch, LadderSeating, Waiting, find_uncounted
 from arena.pit.pit import Pit, PitSettings, _next_number
 from arena.pit.register import Register
+from arena.pit.seating import object_to
 from arena.pit.seats import SlotId
 from arena.policy import MatchResult
 from arena.protocol import signed as facts
@@ -67,9 +68,11 @@ def seat(name: str, slot: int = 0) -> SlotId:
     return SlotId(name.encode(), name, slot)
 
 
-def place(at: LadderSeating, name: str, slot: int = 0, team: str = "any", called: str = "", now_s: float = 7.0) -> Any:
+def place(
+    at: LadderSeating, name: str, slot: int = 0, team: str = "any", called: str = "", now_s: float = 7.0, version: str = ""
+) -> Any:
     request = JoinRequest(
-        rules_version=RULES_VERSION, name=called or name, team=team, client=name, slot=slot, entry=name.encode()
+        rules_version=RULES_VERSION, name=called or name, team=team, client=name, slot=slot, entry=name.encode(), version=version
     )
     return at.place(seat(name, slot), request, now_s)
 
@@ -137,6 +140,36 @@ def test_the_ladder_chooses_among_those_who_have_waited_longest() -> None:
     pair_up(at)
 
     assert [one.entry for one in ladder.asked[0]] == [f"n{number}".encode() for number in range(MOST_CONSIDERED)]
+
+
+def test_a_crowd_of_entries_of_one_owner_keeps_nobody_out() -> None:
+    ladder = FirstTwo()
+    at = LadderSeating(ladder, plan, None, owner_of=lambda entry: "eve" if entry.startswith(b"eve") else entry.decode())
+    for number in range(2 * MOST_CONSIDERED):
+        place(at, f"eve{number}")
+    place(at, "ann")
+
+    pair_up(at)
+
+    assert [one.owner for one in ladder.asked[0]] == ["eve"] * MOST_OF_OWNER + ["ann"]
+
+
+def test_the_ladder_hears_of_the_version_that_was_told_last() -> None:
+    ladder = FirstTwo()
+    at = seating(ladder)
+    for version in ("old", "new", ""):
+        place(at, "ann", version=version)
+    place(at, "bob")
+
+    pair_up(at)
+
+    assert [one.version for one in ladder.asked[0]] == ["new", ""]
+
+
+def test_a_version_that_is_no_chunk_is_refused() -> None:
+    request = JoinRequest(rules_version=RULES_VERSION, name="ann", team="any", client="c", slot=0, version="a b")
+
+    assert object_to(request, RULES) == "a version is 1 to 64 letters, digits, - or _"
 
 
 def test_who_asks_again_has_waited_all_the_while() -> None:

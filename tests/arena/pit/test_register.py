@@ -165,6 +165,21 @@ def test_an_invite_is_not_taken_over_by_a_later_key() -> None:
     assert register.object_to(request(BOB, name="bob", invite="code")) != ""
 
 
+def test_keys_that_came_by_codes_of_one_owner_are_its() -> None:
+    register = Register(invites={"one": "ann", "two": "ann", "three": "three"})
+    for key, invite in ((ANN, "one"), (BOB, "two"), (bytes(32), "three")):
+        register.admit(request(key, invite=invite))
+
+    assert register.owner_of(ANN) == register.owner_of(BOB)
+    assert len({register.owner_of(key) for key in (ANN, bytes(32), bytes(range(1, 33)))}) == 3
+
+
+def test_without_invites_every_key_is_its_own_owner() -> None:
+    register = Register()
+
+    assert register.owner_of(ANN) == to_text(ANN)
+
+
 # The file
 
 
@@ -376,9 +391,9 @@ def test_a_register_that_is_a_folder_is_one_input_error(tmp_path: Path) -> None:
 
 
 def test_invites_are_read_one_a_line_without_comments(tmp_path: Path) -> None:
-    (tmp_path / "invites").write_text("# for the tournament\n\n  one  \ntwo # for bob\n#three\nfour#4\n")
+    (tmp_path / "invites").write_text("# for the tournament\n\n  one  \ntwo # for bob\n#three\nfour#4\nfive  bob\n")
 
-    assert read_invites(tmp_path / "invites") == ["one", "two", "four"]
+    assert read_invites(tmp_path / "invites") == {"one": "one", "two": "two", "four": "four", "five": "bob"}
 
 
 @pytest.mark.parametrize(
@@ -387,6 +402,7 @@ def test_invites_are_read_one_a_line_without_comments(tmp_path: Path) -> None:
         (b"", "holds no invite codes; write one a line"),
         (b"# none\n\n", "holds no invite codes; write one a line"),
         (b"one\ntwo\none # again\n", "holds an invite code twice"),
+        (b"one ann smith\n", "write an invite code, and behind it its owner"),
         (b"\xff\xfe\xff", "it is no text"),
     ],
 )

@@ -231,6 +231,7 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
         "match: str",
         "invite: str",
         *FILLED_IN,
+        "version: str",
     ]
     assert shape["AdminRequest"] == ["command: str", "target: str", *FILLED_IN]
     assert shape["Challenge"] == ["pit_key: bytes", "sealing_key: bytes", "number: bytes", "signature: bytes"]

@@ -123,7 +123,7 @@ def test_the_owners_link_shows_what_others_do_not_see_and_no_request_but_one_car
     page.get_by_text("The last submission is checked next").wait_for()
 
     assert page.get_by_role("region", name="What the last check found").text_content() == f"ann: 700 bytes\n{SECRET}"
-    states = page.get_by_role("region", name="Submissions").locator("tbody td:nth-child(2)").all_text_contents()
+    states = page.get_by_role("list", name="Submissions").locator(".tag").all_text_contents()
     assert states == ["waiting", "refused"]
     assert token not in page.url
     assert not any(token in one.url for one in asked)

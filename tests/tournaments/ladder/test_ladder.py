@@ -65,13 +65,14 @@ def test_a_pit_that_comes_back_goes_on_with_the_same_ratings(store_url: str) -> 
 
 def test_the_stored_ratings_are_those_of_the_stored_matches_in_their_order(store_url: str) -> None:
     matches = [match(number, (Team.BLUE, Team.RED, None)[number % 3]) for number in range(9)]
-    with open_ladder(store_url, "pit", RULES) as ladder:
+    times = [1e9 * (1 + number) for number in range(9)]
+    with open_ladder(store_url, "pit", RULES, iter(times).__next__) as ladder:
         for one in matches:
             ladder.count(one)
 
     players = {team: LadderEntry(key=to_text(KEYS[name]), name=name) for team, name in ((Team.BLUE, "ann"), (Team.RED, "bob"))}
-    for one in matches:
-        players = rate(players, one.result)
+    for one, now_s in zip(matches, times, strict=True):
+        players = rate(players, one.result, now_s)
     with LadderStore(store_url, make=False) as store:
         assert sorted(store.entries("pit"), key=lambda player: player.name) == list(players.values())
 

@@ -8,8 +8,10 @@ from tournaments.ladder.matchmaking import AGAIN, NEAR, WIDEN_PER_S, Candidate, 
 crowds = st.lists(st.builds(Candidate, mu=st.floats(-50, 100), since_s=st.floats(0, 100)), min_size=2, max_size=12)
 
 
-def candidate(mu: float, since_s: float = 0.0, last: int | None = None) -> Candidate:
-    return Candidate(mu=mu, since_s=since_s, last=last)
+def candidate(
+    mu: float, since_s: float = 0.0, last: int | None = None, owner: str = "", n_met: dict[int, int] | None = None
+) -> Candidate:
+    return Candidate(mu=mu, since_s=since_s, last=last, owner=owner, n_met=n_met or {})
 
 
 def wait_until_met(*candidates: Candidate) -> tuple[float, tuple[int, int]]:
@@ -34,6 +36,26 @@ def test_the_nearest_rating_is_chosen() -> None:
     assert choose([candidate(25), candidate(29), candidate(23), candidate(28)], 0.0) == (0, 2)
 
 
+def test_among_those_that_are_near_enough_the_one_that_was_met_least_is_chosen() -> None:
+    met = {1: 2, 2: 3, 3: 1, 4: 0}
+
+    assert choose([candidate(25, n_met=met), candidate(29), candidate(23), candidate(37), candidate(41)], 0.0) == (0, 3)
+
+
+def test_two_of_one_owner_never_meet() -> None:
+    alone = [candidate(25, owner="eve", last=1), candidate(25, owner="eve", last=0)]
+
+    assert choose(alone, 1e9) is None
+    assert choose([*alone, candidate(90)], 1e9) in ((0, 2), (1, 2))
+
+
+def test_a_rematch_that_is_the_only_match_of_two_owners_is_played() -> None:
+    """Two of one owner wait, and whom both met last: there is nothing else to wait for."""
+    eves = [candidate(25, owner="eve", last=2), candidate(25, owner="eve", last=2)]
+
+    assert wait_until_met(*eves, candidate(25, last=1))[0] <= AGAIN / WIDEN_PER_S
+
+
 def test_waiting_widens_the_difference_that_is_accepted() -> None:
     gap = NEAR + 3.0 * WIDEN_PER_S
 
@@ -49,14 +71,14 @@ def test_whoever_has_waited_longest_chooses_first_and_is_not_passed_over_for_bet
 
 
 def test_the_same_two_do_not_meet_twice_in_a_row_while_others_wait() -> None:
-    waited_s, chosen = wait_until_met(candidate(25, last=1), candidate(25, last=0), candidate(45))
+    waited_s, chosen = wait_until_met(candidate(25, last=1), candidate(25, last=0), candidate(43))
 
     assert 2 in chosen
     assert waited_s > 0
 
 
 def test_a_rematch_of_one_side_is_one_too() -> None:
-    assert wait_until_met(candidate(25, last=1), candidate(25), candidate(45))[1] == (0, 2)
+    assert wait_until_met(candidate(25, last=1), candidate(25), candidate(43))[1] == (0, 2)
 
 
 def test_the_same_two_meet_again_after_a_while_where_nobody_else_waits() -> None:

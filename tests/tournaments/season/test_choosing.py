@@ -30,6 +30,7 @@ class League:
         self.players = [Player(label=str(number), owner=owners[number] if owners else "") for number in range(self.n)]
         self.chances = chances(np.array([*strengths, SIDE, DRAW]))
         self.counts = np.zeros((self.n, self.n, 3))
+        self._known: Posterior | None = None
         self.n_played: NDArray[np.int64] = np.zeros((self.n, self.n), dtype=np.int64)
 
     def play(self, pairs: Pairs, rng: np.random.Generator, n_times: int = 1) -> None:
@@ -39,7 +40,8 @@ class League:
                 self.n_played[blue, red] += n_times
 
     def estimate(self) -> Posterior:
-        return fit_counts(self.counts)
+        self._known = fit_counts(self.counts, start=self._known)
+        return self._known
 
     def width_elo(self, player: int) -> float:
         """Return the width of a 95% interval."""

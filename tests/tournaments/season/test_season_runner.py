@@ -108,7 +108,7 @@ def test_a_new_version_takes_the_place_of_the_old_one_whose_results_and_rating_s
     play(season, 300)
 
     assert (first, second) == ("ann", "ann.2")
-    assert first in season.venue.withdrawn
+    assert first in season.venue.named_gone
     ratings = season.runner.table.ratings
     assert set(ratings) == {"ann.2", "patrol", "random", "rush"}
     assert ratings["ann.2"].rank == 1
@@ -146,6 +146,27 @@ def test_a_version_whose_matches_are_void_again_and_again_disturbs_nobody(season
     assert season.submit("ann", "d2", 0.0) == "ann.2"
     play(season, 50)
     assert season.runner.results.record("ann.2").n_matches > 0
+
+
+def test_versions_that_go_and_come_back_before_they_could_play_keep_nobody_from_playing(season: PretendedSeason) -> None:
+    season.venue.most = 0
+    first = season.submit("ann", "d1", 0.0)
+    season.runner.step(Phase.OPEN)
+    second = season.submit("ann", "d2", 0.0)
+    season.runner.step(Phase.OPEN)
+    entry = season.store.find_entry(season.row, "ann")
+    assert entry is not None
+    season.store.play_version(season.row, entry, 1)
+    season.runner.step(Phase.OPEN)
+
+    season.venue.most = MOST_UNDER_WAY
+    season.runner.step(Phase.OPEN)
+    assert season.runner.suspended == []
+    play(season, 100)
+
+    assert season.runner.results.record(first).n_matches > 0
+    assert season.runner.results.record(second).n_matches == 0
+    check_books(season)
 
 
 def test_an_entry_that_joins_by_itself_is_chosen_while_it_is_there(season: PretendedSeason) -> None:

@@ -35,5 +35,38 @@ INSERT INTO "matches" VALUES(1,1,'old/random/rush/0000/random-blue/0','random','
 INSERT INTO "matches" VALUES(2,1,'old/patrol/rush/0000/rush-blue/0','rush','patrol','capture','blue',100,21,'','{"blue": {"faults": {}, "latency_p50_s": null, "latency_p99_s": null}, "red": {"faults": {}, "latency_p50_s": null, "latency_p99_s": null}}');
 INSERT INTO "matches" VALUES(3,1,'old/random/rush/0000/rush-blue/0','rush','random','capture','blue',100,25,'','{"blue": {"faults": {}, "latency_p50_s": null, "latency_p99_s": null}, "red": {"faults": {}, "latency_p50_s": null, "latency_p99_s": null}}');
 INSERT INTO "matches" VALUES(4,1,'old/patrol/rush/0000/patrol-blue/0','patrol','rush','capture','red',-100,13,'','{"blue": {"faults": {}, "latency_p50_s": null, "latency_p99_s": null}, "red": {"faults": {}, "latency_p50_s": null, "latency_p99_s": null}}');
+CREATE TABLE ladder_entries (
+	id INTEGER NOT NULL, 
+	ladder VARCHAR(64) NOT NULL, 
+	"key" VARCHAR(64) NOT NULL, 
+	name VARCHAR(64) NOT NULL, 
+	mu DOUBLE NOT NULL, 
+	sigma DOUBLE NOT NULL, 
+	wins INTEGER NOT NULL, 
+	draws INTEGER NOT NULL, 
+	losses INTEGER NOT NULL, 
+	forfeits INTEGER NOT NULL, 
+	n_blue INTEGER NOT NULL, 
+	PRIMARY KEY (id), 
+	UNIQUE (ladder, "key")
+);
+CREATE TABLE ladder_matches (
+	id INTEGER NOT NULL, 
+	ladder VARCHAR(64) NOT NULL, 
+	identity VARCHAR(300) NOT NULL, 
+	blue VARCHAR(64) NOT NULL, 
+	red VARCHAR(64) NOT NULL, 
+	blue_key VARCHAR(64) NOT NULL, 
+	red_key VARCHAR(64) NOT NULL, 
+	ending VARCHAR(16) NOT NULL, 
+	winner VARCHAR(4), 
+	score INTEGER NOT NULL, 
+	ticks INTEGER NOT NULL, 
+	reason TEXT NOT NULL, 
+	rules VARCHAR(64) NOT NULL, 
+	counted_at DOUBLE NOT NULL, 
+	PRIMARY KEY (id), 
+	UNIQUE (identity)
+);
 CREATE INDEX ix_matches_league_id ON matches (league_id);
 COMMIT;

@@ -11,7 +11,7 @@ from tournaments.store.schema import AT_ONCE, StoreError, number
 if TYPE_CHECKING:
     from alembic.config import Config
 
-VERSION = "0003"
+VERSION = "0004"
 """The last of `versions/`. Most stores have it, and are opened without alembic, whose import takes half a second."""
 _FIRST = "0001"
 """What a store without a version is of: the arena once laid its tables without alembic."""
