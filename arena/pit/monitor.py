@@ -26,8 +26,8 @@ from arena.pit.effects import MatchEnded
 from arena.pit.ladder import Backlog, Ladder, LaggingLadder
 from arena.pit.referee import Referee
 
-PATIENCE_S = 2.0
-"""How long the referee may take to answer: two hundred sweeps."""
+PATIENCE_S = 5.0
+"""How long the referee may take to answer: five hundred sweeps, and less than a health check waits."""
 _BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
 
 

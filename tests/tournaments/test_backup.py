@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import stat
 import subprocess
 import tarfile
@@ -18,7 +19,9 @@ from tournaments.store.store import Store
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 FACTS = {"ruleset": "paper", "rules": "1", "entries": {}, "clock": {}}
-LEAGUE = 'name = "friday"\npairs = 1\nvenue = "local"\nentries = ["rush", "patrol", "random"]\n'
+MOMENT = re.compile(r"\d{4}-\d\d-\d\d[T ][\d:]+")
+"""When a report was printed."""
+LEAGUE = 'name = "friday"\npairs = 1\nvenue = "local"\nentries = ["rush", "patrol"]\n'
 
 
 @pytest.fixture
@@ -76,16 +79,17 @@ def test_a_restored_league_has_the_same_reports_and_journals_that_hold(played: P
     assert stat.S_IMODE((tmp_path / "all.tar.gz").stat().st_mode) == 0o600
     for form in ("text", "json", "html"):
         before, after = (
-            here("tournament", "report", "friday", "--format", form, "--data", folder).stdout for folder in (played, restored)
+            MOMENT.sub("", here("tournament", "report", "friday", "--format", form, "--data", folder).stdout)
+            for folder in (played, restored)
         )
         assert before
         assert after.replace(str(restored), str(played)) == before
     journals = sorted((restored / "journals" / "friday").glob("*.journal"))
-    assert len(journals) == 6
+    assert len(journals) == 2
     assert here("replay", "verify", "--local", *journals).returncode == 0
     again = here("tournament", "run", restored / "friday.toml", "--data", restored)
     assert again.returncode == 0
-    assert len(list((restored / "journals" / "friday").glob("*.journal"))) == 6, "something was played again"
+    assert len(list((restored / "journals" / "friday").glob("*.journal"))) == 2, "something was played again"
 
 
 def test_all_files_come_back_with_their_modes_but_those_of_running_processes(data: Path, tmp_path: Path) -> None:
