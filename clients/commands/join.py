@@ -106,6 +106,7 @@ def join(
     compile_kernels([*rules_of_audit, *fighter_kernels([] if program else [autopilot or policy])])
     if workers is not None:
         workers.prepare()
+    rules_hash = load_rules(rules).hash if rules else ""  # before a key is made
     identity = load_or_make(entry_key_path(entry.partition(".")[0])) if key is None else load(key)
     settings = ClientSettings(
         endpoint=where.endpoint,
@@ -117,7 +118,7 @@ def join(
         n_slots=n_slots,
         patience_s=patience,
         is_patient=is_human or workers is not None,
-        rules_hash=load_rules(rules).hash if rules else "",
+        rules_hash=rules_hash,
         identity=identity,
         invite=invite,
         version="" if is_human else find_version(spec, identity.public),
