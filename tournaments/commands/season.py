@@ -52,6 +52,7 @@ def open_season(
     from arena.folders import data_folder
     from arena.metrics.server import serve_metrics
     from policies.precompile import fighter_kernels
+    from tournaments.authoring.check import OPPONENTS
     from tournaments.league.file import load_league
     from tournaments.league.league import VENUES
     from tournaments.running.preflight import check_entries
@@ -93,7 +94,7 @@ def open_season(
         signal.signal(number, lambda *_: stop.set())
     events = SeasonEvents(on_open=on_open, on_phase=on_phase, on_versions=on_versions, on_invitation=on_invitation)
     with SeasonStore(db or str(folders.data / "arena.db")) as store, ExitStack() as beside:
-        compile_kernels([*game_kernels(chosen.ruleset), *fighter_kernels(chosen.entries.values())])
+        compile_kernels([*game_kernels(chosen.ruleset), *fighter_kernels([*chosen.entries.values(), *OPPONENTS])])
         think_s = check_entries(chosen.entries, chosen.ruleset, chosen.sandboxes)
         running = beside.enter_context(Season(chosen, store, folders, events=events, think_s=think_s))
         if metrics:

@@ -17,7 +17,7 @@ from tournaments.reports.leaderboard import as_web_table
 from tournaments.reports.replays import find_visible, read_journal_file
 from tournaments.reports.report import make_report, to_document
 from tournaments.reports.tags import Course, read_course, tag_course, tag_results
-from tournaments.reports.web_seasons import check_journal_is_open, is_season
+from tournaments.reports.web_seasons import check_journal_is_open
 from tournaments.running.scheduler import Folders
 from tournaments.store.entry_history import EntryHistory
 
@@ -40,7 +40,7 @@ class Leagues:
         """Return the names of all leagues, the one that was run last first; none if there is no store."""
         try:
             with self._open() as store:
-                return [league.name for league in store.leagues() if not is_season(league)]
+                return [league.name for league in store.leagues() if not league.is_season]
         except InputError:
             return []
 
@@ -48,7 +48,7 @@ class Leagues:
         """Return the document of a league's report, with its `leaderboard`, and under `results` its matches, pair by pair."""
         with self._open() as store:
             league = store.get(name)
-            if is_season(league):
+            if league.is_season:
                 raise InputError(f"{name} is a season: its page is /seasons/{name}")
             state = league.hash, league.n_pairs, store.count(league)
             before, document = self._reports.get(name, (("", 0, 0), {}))
@@ -106,7 +106,7 @@ class Leagues:
         """
         with self._open() as store:
             league = store.get(name)
-            if is_season(league):
+            if league.is_season:
                 check_journal_is_open(store, league, identity)
                 return read_journal_file(self._folders.journals(name), identity)
             played = store.identities(league)

@@ -43,7 +43,7 @@ class Seasons:
         """Return the names of all seasons, the one that was run last first; none if there is no store."""
         try:
             with self._open() as store:
-                return [league.name for league in store.leagues() if is_season(league)]
+                return [league.name for league in store.leagues() if league.is_season]
         except InputError:
             return []
 
@@ -131,11 +131,6 @@ class Seasons:
         return EntryHistory(self._db, make=False)
 
 
-def is_season(league: StoredLeague) -> bool:
-    """Whether a league stays open, and has pages as a season."""
-    return "season" in league.definition
-
-
 def check_journal_is_open(store: EntryHistory, league: StoredLeague, identity: str) -> None:
     """Refuse a match of a season whose journal may not be seen: not before its pair is over, and not while the table is frozen.
 
@@ -158,8 +153,8 @@ def check_journal_is_open(store: EntryHistory, league: StoredLeague, identity: s
 
 def _find(store: EntryHistory, name: str) -> StoredLeague:
     league = store.find(name)
-    if league is None or not is_season(league):
-        raise UnknownNameError("season", name, [one.name for one in store.leagues() if is_season(one)])
+    if league is None or not league.is_season:
+        raise UnknownNameError("season", name, [one.name for one in store.leagues() if one.is_season])
     return league
 
 

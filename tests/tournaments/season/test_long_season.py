@@ -10,7 +10,7 @@ from pretended_season import PretendedSeason
 from tournaments.season.phases import Phase
 
 IS_FULL = os.environ.get("ARENA_TEST_SIZE") == "full"
-N_DAYS, N_ENTRIES, N_MATCHES_A_DAY = (1_000, 200, 300) if IS_FULL else (12, 12, 60)
+N_DAYS, N_ENTRIES, N_MATCHES_A_DAY = (1_000, 200, 60) if IS_FULL else (12, 12, 60)
 MOST_BYTES_A_MATCH = 3_000
 """Of the store: 1 GB for 300,000 matches."""
 
