@@ -168,7 +168,7 @@ def _tell_versions(
     store: EntryHistory, league: StoredLeague, entry: SeasonEntry, row: Mapping[str, Any] | None, *, is_frozen: bool
 ) -> list[dict[str, Any]]:
     told = []
-    for version in store.versions_of(league, entry.entry):
+    for version in store.versions(league, entry.entry):
         is_shown = row is not None and row["version"] == version.number
         rating = row if is_shown else version.rating
         if is_frozen and not is_shown and (row is None or version.number > row["version"]):
@@ -184,7 +184,7 @@ def _tell_versions(
 
 
 def _tell_history(store: EntryHistory, league: StoredLeague, entry: SeasonEntry) -> dict[str, Any]:
-    labels = [version.label for version in store.versions_of(league, entry.entry)]
+    labels = [version.label for version in store.versions(league, entry.entry)]
     outcomes = store.matches_of(league, labels, MOST_MATCHES)
     visible = find_whole_pairs(store.find_played({one for each in outcomes for one in _pair_of(each.identity)}))
     best, worst = _rank_opponents(store.records_against(league, entry.label))

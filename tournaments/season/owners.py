@@ -21,7 +21,7 @@ from arena.protocol.topics import is_chunk
 from arena.submission import unpack
 from tournaments.league.entries import REMOTE
 from tournaments.league.season import SeasonTerms
-from tournaments.league.versions import Version, label_of
+from tournaments.league.versions import label_of
 from tournaments.outcome import Outcome
 from tournaments.season.submitted import SubmittedFolder
 from tournaments.season.uploads import Uploads
@@ -134,7 +134,7 @@ class OwnerRequests:
             return Wait(reason="the season has no room on its disk; its organiser was told")
         kept = self._submit(request, digest, len(came))
         self._on_submission()
-        n_before = self._queue_position(kept) - 1
+        n_before = self._store.queue_position(self._league, kept) - 1
         after = f" after {quantity(n_before, 'other')}" if n_before else ""
         return SeasonAnswer(text=f"it waits for its check{after}", offset=len(came), facts={"submission": kept.id})
 
@@ -214,7 +214,7 @@ class OwnerRequests:
 
     def _check_is_new(self, name: str, digest: str) -> None:
         """Refuse what the entry has played."""
-        played = next((one for one in self._versions(name) if one.fingerprint == digest), None)
+        played = next((one for one in self._store.versions(self._league, name) if one.fingerprint == digest), None)
         if played is None:
             return
         entry = self._store.find_entry(self._league, name)
@@ -232,14 +232,14 @@ class OwnerRequests:
             "season": self._league.name,
             "entry": request.name,
             "plays": None if entry is None or entry.is_withdrawn else entry.number,
-            "queue": next((self._queue_position(one) for one in last if one.state == WAITING), None),
+            "queue": next((self._store.queue_position(self._league, one) for one in last if one.state == WAITING), None),
             "submissions": [_tell(one) for one in last[-_MOST_SUBMISSIONS:]],
             "report": last[-1].report if last else None,
         }
         if entry is not None:
-            versions = self._versions(request.name)[-_MOST_VERSIONS:]
+            versions = self._store.versions(self._league, request.name)[-_MOST_VERSIONS:]
             labels = [one.label for one in versions]
-            played = self._store.last_matches(self._league, labels, _MOST_MATCHES) if labels else []
+            played = self._store.matches_of(self._league, labels, _MOST_MATCHES) if labels else []
             facts |= {
                 "versions": [
                     {"number": one.number, "entered_at": one.entered_at, "rating": None if one.rating is None else {**one.rating}}
@@ -263,7 +263,7 @@ class OwnerRequests:
     def _roll_back(self, request: SeasonRequest, now_s: float) -> Message:
         entry = self._find_playing(request)
         self._check_is_open()
-        numbers = [one.number for one in self._versions(request.name)]
+        numbers = [one.number for one in self._store.versions(self._league, request.name)]
         if request.number not in numbers:
             raise InputError(f"{request.name} has no version {request.number}; it has {', '.join(map(str, numbers))}")
         self._check_has_room(request, self._store.entries(self._league), self._store.submissions(self._league, state=WAITING))
@@ -296,13 +296,6 @@ class OwnerRequests:
         if entry is None:
             raise InputError(f"no version of {request.name} has been accepted yet")
         return entry
-
-    def _versions(self, name: str) -> list[Version]:
-        return sorted((one for one in self._store.versions(self._league) if one.entry == name), key=lambda one: one.number)
-
-    def _queue_position(self, waiting: Submission) -> int:
-        """Return how manieth it is to be checked, from 1."""
-        return 1 + sum(one.id < waiting.id for one in self._store.submissions(self._league, state=WAITING))
 
 
 def _is_key(name: str) -> bool:

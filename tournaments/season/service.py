@@ -167,7 +167,9 @@ class Season:
         """Return what the owner of an entry is told beside its own versions: where it stands, where its page is, and its pit."""
         table = self._store.standings(self.row)
         rows = [] if table is None else [row for row in table["rows"] if row["label"] == entry.label]
-        is_remote = any(one.label == entry.label and one.spec.startswith(REMOTE) for one in self._store.versions(self.row))
+        is_remote = any(
+            one.label == entry.label and one.spec.startswith(REMOTE) for one in self._store.versions(self.row, entry.entry)
+        )
         command = f"arena join '{self._address}' --name {entry.label} --key FILE --forever"
         return {
             "standing": rows[0] if rows else None,

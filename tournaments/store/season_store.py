@@ -6,11 +6,11 @@ withdrawn; every change of that is one transaction.
 
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Row, func, insert, select, update
+from sqlalchemy import Connection, Row, func, insert, select, union_all, update
 
 from arena.game.types import Termination
 from tournaments.league.edits import hash_definition
@@ -160,6 +160,12 @@ class SeasonStore(Store):
         report = self._do("read", lambda connection: connection.scalar(query))
         return None if report is None else dict(json.loads(report))
 
+    def queue_position(self, league: StoredLeague, waiting: Submission) -> int:
+        """Return how manieth a submission is to be checked, from 1."""
+        before = (SUBMISSIONS.c.league_id == league.id) & (SUBMISSIONS.c.state == WAITING) & (SUBMISSIONS.c.id < waiting.id)
+        query = select(func.count()).select_from(SUBMISSIONS).where(before)
+        return 1 + self._do("read", lambda connection: int(connection.scalar(query) or 0))
+
     def refuse(self, league: StoredLeague, submission: Submission, says: str, report: Mapping[str, Any] | None = None) -> None:
         """Keep why a submission is not played."""
         values = {"state": REFUSED, "says": says, "report": None if report is None else json.dumps(report)}
@@ -185,7 +191,7 @@ class SeasonStore(Store):
         """
         [version] = match_versions(
             {submission.entry: submission.digest},
-            [one for one in self.versions(league) if one.entry == submission.entry],
+            self.versions(league, submission.entry),
         )
         values = {
             "state": ACCEPTED, "says": says, "number": version.number,
@@ -256,17 +262,18 @@ class SeasonStore(Store):
         self._do("read", work)
         return dict(found)
 
-    def last_matches(self, league: StoredLeague, labels: list[str], most: int) -> list[Outcome]:
-        """Return the matches in which one of these labels played that were stored last, the last first."""
-        sides = [
-            select(MATCHES).where(MATCHES.c.league_id == league.id, column.in_(labels)).order_by(MATCHES.c.id.desc()).limit(most)
-            for column in (MATCHES.c.blue, MATCHES.c.red)
-        ]
+    def matches_of(self, league: StoredLeague, labels: Collection[str], most: int) -> list[Outcome]:
+        """Return the matches of these labels that were stored last, the last first."""
+        sides = MATCHES.c.blue, MATCHES.c.red
+        # A sum cannot be looked up: the database takes the index of the labels, not that of all matches from their end.
+        ids = union_all(*(select(MATCHES.c.id).where(MATCHES.c.league_id == league.id, side.in_(labels)) for side in sides))
+        last = ids.subquery()
 
         def work(connection: Connection) -> list[Row[Any]]:
-            return [row for side in sides for row in connection.execute(side)]
+            chosen = list(connection.scalars(select(last.c.id).order_by((last.c.id + 0).desc()).limit(most)))
+            return list(connection.execute(select(MATCHES).where(MATCHES.c.id.in_(chosen))))
 
-        rows = sorted(self._do("read", work), key=lambda row: -row.id)[:most]
+        rows = sorted(self._do("read", work), key=lambda row: -row.id)
         return [self._read(f"of the match {row.identity}", read_outcome, row) for row in rows]
 
     def put_standings(self, league: StoredLeague, document: Mapping[str, Any], now_s: float) -> None:

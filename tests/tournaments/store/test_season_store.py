@@ -79,7 +79,7 @@ def test_an_entry_goes_back_and_is_withdrawn_and_its_results_stay(store: SeasonS
     assert current(store) == ["rush"]
 
     assert store.count_results(season) == {("rush", "ann.2"): (0, 0, 1)}
-    assert [one.red for one in store.last_matches(season, ["ann", "ann.2"], 5)] == ["ann.2"]
+    assert [one.red for one in store.matches_of(season, ["ann", "ann.2"], 5)] == ["ann.2"]
 
 
 def test_submissions_that_came_before_the_first_match_outlive_a_restart(store: SeasonStore, season: StoredLeague) -> None:
