@@ -115,7 +115,7 @@ def _reader(running: "Season") -> "Callable[[], Sequence[Reading]]":
     """Return what tells a monitor of a season."""
     import time
 
-    from arena.metrics.definitions import MATCHES_ENDED, MATCHES_RUNNING, QUEUE, TICKS, Reading
+    from arena.metrics.definitions import FAULTS, MATCHES_ENDED, MATCHES_RUNNING, QUEUE, TICKS, Reading
 
     def read() -> "Sequence[Reading]":
         state: SeasonState = running.state
@@ -126,6 +126,7 @@ def _reader(running: "Season") -> "Callable[[], Sequence[Reading]]":
             Reading(MATCHES_RUNNING, state.n_playing),
             Reading(MATCHES_ENDED, state.endings),
             Reading(TICKS, state.n_ticks),
+            Reading(FAULTS, state.faults),
             Reading(QUEUE, {"submissions": state.n_waiting}),
         ]
 

@@ -7,6 +7,7 @@ author -- router --> Desk --> submissions --> Intake --> versions --> SeasonRunn
 import logging
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -65,6 +66,8 @@ class SeasonState:
     n_waiting: int = 0
     endings: dict[str, int] = field(default_factory=dict)
     """Of the matches that ended since it was opened."""
+    faults: dict[str, int] = field(default_factory=dict)
+    """That were counted in them."""
     n_ticks: int = 0
     looked_at_s: float = field(default_factory=time.monotonic)
     """When its thread last did something, by the monotonic clock."""
@@ -245,6 +248,10 @@ class Season:
         ending = outcome.result.ending.name.lower()
         self.state.endings = {**self.state.endings, ending: self.state.endings.get(ending, 0) + 1}
         self.state.n_ticks += outcome.result.ticks
+        faults = Counter(self.state.faults)
+        for seat in outcome.seats.values():
+            faults.update(seat.faults)
+        self.state.faults = dict(faults)
 
     def _note(self, runner: SeasonRunner) -> None:
         self.state.n_matches, self.state.n_playing = runner.results.n_matches, runner.n_under_way
