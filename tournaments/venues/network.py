@@ -134,6 +134,11 @@ class NetworkPit:
         playing = {name for plan in self._running.values() for name in (plan.blue, plan.red)}
         return self._waiting | {name for name in playing if self._fighters[name].public_key is not None}
 
+    @property
+    def failing(self) -> frozenset[str]:
+        """The entries whose client dies again and again, or was given up: their matches begin late or never."""
+        return self._clients.failing
+
     def add(self, entries: Mapping[str, Fighter], plans: Sequence[MatchPlan]) -> None:
         """Let entries in, by label, and put matches at the end of the plan; at any time, until `finish`.
 

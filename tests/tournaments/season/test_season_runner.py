@@ -10,7 +10,7 @@ from pretended_season import PretendedSeason
 from arena.records.plan import LeagueMatchId
 from tournaments.league.season import SeasonTerms
 from tournaments.season.phases import Phase, find_phase
-from tournaments.season.runner import MOST_UNDER_WAY, MOST_VOID, MOST_WHEN_BUSY, REST_ELO
+from tournaments.season.runner import MOST_UNDER_WAY, MOST_VOID, MOST_WHEN_BUSY, REST_ELO, SUSPENSION_S
 
 ELO = {"rush": 100.0, "patrol": 0.0, "random": -100.0}
 
@@ -146,6 +146,35 @@ def test_a_version_whose_matches_are_void_again_and_again_disturbs_nobody(season
     assert season.submit("ann", "d2", 0.0) == "ann.2"
     play(season, 50)
     assert season.runner.results.record("ann.2").n_matches > 0
+
+
+def test_a_version_whose_process_cannot_live_keeps_nobody_waiting_and_is_alone_to_blame(season: PretendedSeason) -> None:
+    play(season, 40)
+    label = season.submit("ann", "d1", 0.0)
+    season.venue.waits_for = {label}
+    while sum(label in identity for identity in season.venue.given) < MOST_VOID * (len(ELO) + 1):
+        play(season, 1)
+    season.venue.failing = frozenset({label})
+    n_given = sum(label in identity for identity in season.venue.given)
+
+    assert play(season, 100) >= 100
+    season.venue.withdraw([label], "it cannot live")
+    play(season, 100)
+
+    assert season.runner.suspended == [label]
+    assert sum(label in identity for identity in season.venue.given) == n_given
+    check_books(season)
+
+
+def test_after_some_time_what_was_void_is_played_again(season: PretendedSeason) -> None:
+    season.venue.broken = set(ELO)  # the fault of nobody: a disk is full
+    play(season, 1)
+    assert season.runner.suspended == sorted(ELO)
+
+    season.venue.broken.clear()
+    season.now_s += SUSPENSION_S
+
+    assert play(season, 50) >= 50
 
 
 def test_versions_that_go_and_come_back_before_they_could_play_keep_nobody_from_playing(season: PretendedSeason) -> None:
