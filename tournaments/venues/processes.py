@@ -23,6 +23,8 @@ MOST_DEATHS = 3
 """Times in a row that a process which died young is started anew."""
 YOUNG_S = 60.0
 """A process that lived longer was not broken from its start."""
+RETRY_S = 600.0
+"""Whoever was given up is as good as any other after this time."""
 _PATIENCE_S = 20
 GOODBYE_S = 5.0
 """For a process that was asked to end."""
@@ -51,6 +53,11 @@ class RestartLimit:
     def is_reached(self) -> bool:
         """Whether it died too often."""
         return self._n_deaths > MOST_DEATHS
+
+    @property
+    def is_near(self) -> bool:
+        """Whether it died twice in a row, and has not lived long since."""
+        return self._n_deaths > 1 and time.monotonic() - self._born_at_s < YOUNG_S
 
     def failure_message(self, reason: str = "") -> str:
         """Return how it died, in one sentence."""
@@ -129,6 +136,12 @@ class ClientProcess:
     def is_running(self) -> bool:
         """Whether the process is there."""
         return self._started is not None and self._started.process.poll() is None
+
+    @property
+    def is_failing(self) -> bool:
+        """Whether it dies again and again, or is kept away since it did."""
+        away = self._away
+        return self._restarts.is_near if away is None else time.monotonic() - away.give_up_at_s < RETRY_S
 
     def terminate(self) -> None:
         """Ask it to end; `end` waits for that."""

@@ -1,16 +1,21 @@
 """A season that is played: newcomers first, nothing lost or counted twice, and versions apart."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
-from pretended_season import PretendedSeason
+from outcomes import ended
+from pretended_season import LEAGUE, PretendedSeason
 
-from arena.records.plan import LeagueMatchId
+from arena.records.plan import LeagueMatchId, MatchPlan
 from tournaments.league.season import SeasonTerms
+from tournaments.outcome import Outcome
+from tournaments.running.scheduler import Folders
+from tournaments.season.final import play_final
 from tournaments.season.phases import Phase, find_phase
-from tournaments.season.runner import MOST_UNDER_WAY, MOST_VOID, MOST_WHEN_BUSY, REST_ELO
+from tournaments.season.runner import MOST_UNDER_WAY, MOST_VOID, MOST_WHEN_BUSY, REST_ELO, SUSPENSION_S
+from tournaments.venues.setting import EntryLostError, VenueSetting
 
 ELO = {"rush": 100.0, "patrol": 0.0, "random": -100.0}
 
@@ -148,6 +153,35 @@ def test_a_version_whose_matches_are_void_again_and_again_disturbs_nobody(season
     assert season.runner.results.record("ann.2").n_matches > 0
 
 
+def test_a_version_whose_process_cannot_live_keeps_nobody_waiting_and_is_alone_to_blame(season: PretendedSeason) -> None:
+    play(season, 40)
+    label = season.submit("ann", "d1", 0.0)
+    season.venue.waits_for = {label}
+    while sum(label in identity for identity in season.venue.given) < MOST_VOID * (len(ELO) + 1):
+        play(season, 1)
+    season.venue.failing = frozenset({label})
+    n_given = sum(label in identity for identity in season.venue.given)
+
+    assert play(season, 100) >= 100
+    season.venue.withdraw([label], "it cannot live")
+    play(season, 100)
+
+    assert season.runner.suspended == [label]
+    assert sum(label in identity for identity in season.venue.given) == n_given
+    check_books(season)
+
+
+def test_after_some_time_what_was_void_is_played_again(season: PretendedSeason) -> None:
+    season.venue.broken = set(ELO)  # the fault of nobody: a disk is full
+    play(season, 1)
+    assert season.runner.suspended == sorted(ELO)
+
+    season.venue.broken.clear()
+    season.now_s += SUSPENSION_S
+
+    assert play(season, 50) >= 50
+
+
 def test_versions_that_go_and_come_back_before_they_could_play_keep_nobody_from_playing(season: PretendedSeason) -> None:
     season.venue.most = 0
     first = season.submit("ann", "d1", 0.0)
@@ -252,3 +286,31 @@ def test_phases_follow_the_terms_and_the_final_waits_for_what_came_in_time() -> 
         "open", "frozen", "frozen", "final", "over",
     ]  # fmt: skip
     assert find_phase(SeasonTerms(), 1e12, n_waiting=0, is_closed=False) is Phase.OPEN
+
+
+def test_the_final_is_played_without_whoever_does_not_come_and_its_secret_is_known_then(
+    season: PretendedSeason, tmp_path: Path
+) -> None:
+    season.submit("ann", "d1", 0.0)
+    (season.folder / "submissions" / "d1" / "bot.py").touch()
+    season.runner.step(Phase.OPEN)
+    tried: list[set[str]] = []
+
+    def play(_: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+        tried.append({plan.blue for plan in plans})
+        for plan in plans:
+            if "ann" not in (plan.blue, plan.red):
+                yield ended(plan.identity, plan.blue, plan.red, None)
+        if "ann" in tried[-1]:
+            raise EntryLostError("ann", "ann has not come")
+
+    folders = Folders(data=tmp_path)
+    played = list(play_final(LEAGUE, season.runner.roster, season.store, folders, play, is_stopped=lambda: False))
+
+    final = season.store.get("course-final")
+    assert tried == [{"ann", *ELO}]
+    assert len(played) == len({outcome.identity for outcome in played}) == season.store.count(final)
+    assert set(final.labels.values()) == set(ELO)
+    assert final.secret is not None
+    assert list(play_final(LEAGUE, season.runner.roster, season.store, folders, play, is_stopped=lambda: False)) == []
+    assert len(tried) == 1
