@@ -110,6 +110,20 @@ def test_a_name_belongs_to_the_first_key(open_season: OpenSeason, author: Connec
     assert [one.entry for one in season.store.submissions(season.row)] == ["ann"]
 
 
+def test_whoever_had_submitted_under_a_name_before_withdraws_nothing_of_who_has_it_now(
+    open_season: OpenSeason, author: Connect
+) -> None:
+    season = open_season()
+    ann, eve = author(season), author(season, "ann")
+    eve.upload(pack())
+    eve.ask("withdraw")
+    ann.upload(pack(BOT + b"# ann's\n"))
+
+    eve.ask("withdraw")
+
+    assert [one.owner for one in season.store.submissions(season.row, state=WAITING)] == [ann.identity.fingerprint]
+
+
 def test_one_owner_has_as_many_entries_and_submissions_as_the_season_allows(open_season: OpenSeason, author: Connect) -> None:
     season = open_season(entries_per_owner=2, per_day=3)
     ann = author(season)
@@ -206,6 +220,18 @@ def test_the_owner_alone_is_told_how_an_entry_stands_and_what_it_printed(open_se
     assert [one["number"] for one in playing.facts["versions"]] == [1]
     assert log.endswith(b"the last words")
     assert len(log) == 200_000
+
+
+def test_a_part_of_a_log_that_no_file_has_is_empty(open_season: OpenSeason, author: Connect) -> None:
+    season = open_season()
+    ann = author(season)
+    ann.upload(pack())
+    accept(season)
+    (season.logs / "ann.log").write_bytes(b"the last words")
+
+    for offset in (2**62, 2**63 - 1, 2**64 - 1):
+        assert ann.ask("log", offset=offset) == SeasonAnswer(text="ann.log", offset=14)
+    assert ann.ask("log", offset=-(2**63)) == SeasonAnswer(text="ann.log", offset=14, data=b"the last words")
 
 
 def test_a_flood_of_junk_leaves_an_author_served(open_season: OpenSeason, author: Connect) -> None:
