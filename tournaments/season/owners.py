@@ -21,7 +21,7 @@ from arena.protocol.messages import Message, Refusal, SeasonAnswer, SeasonReques
 from arena.protocol.topics import is_chunk
 from arena.submission import unpack
 from tournaments.league.entries import REMOTE
-from tournaments.league.season import SeasonTerms
+from tournaments.league.season import SeasonTerms, most_name_letters
 from tournaments.league.versions import label_of
 from tournaments.outcome import Outcome
 from tournaments.season.submitted import SubmittedFolder
@@ -168,6 +168,8 @@ class OwnerRequests:
         owner, name, terms = to_text(request.entry), request.name, self._terms
         if _is_key(name):
             raise InputError("a name must not look like a public key; choose another with --name")
+        if len(name) > (most := most_name_letters(self._league.name)):
+            raise InputError(f"the name {name} is too long; in this season, it may have {most} letters: choose one with --name")
         self._check_invite(request)
         waiting = self._store.submissions(self._league, state=WAITING)
         entries = self._store.entries(self._league)
