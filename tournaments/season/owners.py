@@ -51,8 +51,6 @@ class OwnerRequests:
         Seconds since 1970.
     on_submission
         Called when something waits for its check.
-    on_change
-        Called when an entry plays another version, or none.
     describe
         Returns what else the season tells the owner of an entry: its place in the table, its page, where it joins.
     why_not_remote
@@ -70,14 +68,13 @@ class OwnerRequests:
         *,
         clock: Callable[[], float],
         on_submission: Callable[[], None],
-        on_change: Callable[[], None],
         describe: Callable[[SeasonEntry], Mapping[str, Any]] = lambda _: {},
         why_not_remote: str = "",
     ) -> None:
         self._store, self._league, self._terms, self._folder, self._logs = store, league, terms, folder, logs
         self._register, self._clock, self._describe = register, clock, describe
         self._why_not_remote = why_not_remote
-        self._on_submission, self._on_change = on_submission, on_change
+        self._on_submission = on_submission
         self._most_bytes = terms.most_kb * 1_000
         self._uploads = Uploads(self._most_bytes)
         self._commands: dict[str, Callable[[SeasonRequest, float], Message]] = {
@@ -149,7 +146,6 @@ class OwnerRequests:
         version = self._store.accept(
             self._league, kept, spec=spec, says="it plays from its owner's machine", report=None, now_s=self._clock()
         )
-        self._on_change()
         entry = self._store.find_entry(self._league, request.name)
         join = "" if entry is None else self._describe(entry).get("join", "")
         text = f"version {version.number} of {request.name} plays as soon as it joins"
@@ -268,7 +264,6 @@ class OwnerRequests:
             raise InputError(f"{request.name} has no version {request.number}; it has {', '.join(map(str, numbers))}")
         self._check_has_room(request, self._store.entries(self._league), self._store.submissions(self._league, state=WAITING))
         self._store.play_version(self._league, entry, request.number)
-        self._on_change()
         return SeasonAnswer(text=f"version {request.number} of {request.name} plays from now on")
 
     def _withdraw(self, request: SeasonRequest, now_s: float) -> Message:
@@ -278,7 +273,6 @@ class OwnerRequests:
             self._folder.forget(one.entry, one.digest)
         if entry is not None and not entry.is_withdrawn:
             self._store.withdraw(self._league, entry)
-            self._on_change()
         return SeasonAnswer(text=f"{request.name} plays no more; what it played stays, and --roll-back N brings it back")
 
     def _find_own(self, request: SeasonRequest) -> SeasonEntry | None:

@@ -155,7 +155,7 @@ class Season:
         owners = OwnerRequests(
             store, self.row, terms, folder, self._folders.journals(league.name),
             Register(self._folder / "register.json", invites),
-            clock=self._clock, on_submission=intake.wake, on_change=lambda: None, describe=self._describe_entry,
+            clock=self._clock, on_submission=intake.wake, describe=self._describe_entry,
             why_not_remote=_why_not_remote(league, venue),
         )  # fmt: skip
         address = Address(endpoint=terms.submissions, pit=league.name, fingerprint=identity.fingerprint)
