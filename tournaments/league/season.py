@@ -1,9 +1,10 @@
-"""The terms of a season: `[season]` of a league's file. The league stays open, and authors submit its entries."""
+"""The terms of a season, `[season]` of a league's file, and its phases. The league stays open, and authors submit its entries."""
 
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -14,6 +15,19 @@ FINAL_SUFFIX = "-final"
 """Of the name of a season's final, behind the season's."""
 _MOST = {"final_pairs": 1_000, "most_kb": 60_000, "entries_per_owner": 100, "per_day": 10_000}
 _LEAST = {"final_pairs": 0}
+
+
+class Phase(StrEnum):
+    """What a season is at; each follows from the one before it."""
+
+    OPEN = "open"
+    """Submissions are taken and played, and everyone sees the table."""
+    FROZEN = "frozen"
+    """The same, but the public table stands still."""
+    FINAL = "final"
+    """No submission is taken any more, and a league of all entries is played on fresh maps."""
+    OVER = "over"
+    """The final is played, or there is none, and the secrets are known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

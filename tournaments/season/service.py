@@ -22,6 +22,7 @@ from arena.pit.register import Register, read_invites
 from arena.protocol.identity import Identity
 from tournaments.league.entries import REMOTE
 from tournaments.league.league import League
+from tournaments.league.season import Phase
 from tournaments.league.secret import commit_to, find_secret
 from tournaments.outcome import Outcome
 from tournaments.running.scheduler import Folders, Scheduler
@@ -30,7 +31,7 @@ from tournaments.season.desk import Desk
 from tournaments.season.final import make_final
 from tournaments.season.intake import CheckTerms, Intake
 from tournaments.season.owners import OwnerRequests
-from tournaments.season.phases import Phase, find_phase
+from tournaments.season.phases import find_phase
 from tournaments.season.runner import SeasonRunner
 from tournaments.season.submitted import SubmittedFolder
 from tournaments.store.lock import lock_file
@@ -59,7 +60,7 @@ class SeasonEvents:
 
 @dataclass(slots=True, kw_only=True)
 class SeasonState:
-    """What a monitor is told of a season; replaced as a whole by the thread that runs it."""
+    """What a monitor is told of a season; the thread that runs it sets each of these anew, and changes none in place."""
 
     n_matches: int = 0
     n_playing: int = 0
@@ -205,7 +206,7 @@ class Season:
                         if part.failure is not None:
                             raise part.failure
                     runner.n_waiting = len(self._store.submissions(self.row, state=WAITING))
-                    phase = find_phase(self._terms, self._clock(), n_waiting=runner.n_waiting, is_closed=False)
+                    phase = find_phase(self._terms, self._clock(), n_waiting=runner.n_waiting)
                     if phase is not self._phase and phase is not Phase.FINAL:
                         self._enter_phase(phase)
                         runner.publish(phase)

@@ -8,8 +8,8 @@ import pytest
 from pretended_season import PretendedSeason
 
 from arena.records.plan import LeagueMatchId
-from tournaments.league.season import SeasonTerms
-from tournaments.season.phases import Phase, find_phase
+from tournaments.league.season import Phase, SeasonTerms
+from tournaments.season.phases import find_phase
 from tournaments.season.runner import MOST_UNDER_WAY, MOST_VOID, MOST_WHEN_BUSY, REST_ELO
 
 ELO = {"rush": 100.0, "patrol": 0.0, "random": -100.0}
@@ -246,9 +246,7 @@ def test_the_public_table_stands_still_while_the_season_is_frozen(season: Preten
 
 def test_phases_follow_the_terms_and_the_final_waits_for_what_came_in_time() -> None:
     terms = SeasonTerms(deadline_s=100.0, freeze_s=50.0)
-    at = [(0.0, 0, False), (60.0, 0, False), (101.0, 2, False), (101.0, 0, False), (101.0, 0, True)]
+    at = [(0.0, 0), (60.0, 0), (101.0, 2), (101.0, 0)]
 
-    assert [find_phase(terms, now_s, n_waiting=n, is_closed=closed).value for now_s, n, closed in at] == [
-        "open", "frozen", "frozen", "final", "over",
-    ]  # fmt: skip
-    assert find_phase(SeasonTerms(), 1e12, n_waiting=0, is_closed=False) is Phase.OPEN
+    assert [find_phase(terms, now_s, n_waiting=n).value for now_s, n in at] == ["open", "frozen", "frozen", "final"]
+    assert find_phase(SeasonTerms(), 1e12, n_waiting=0) is Phase.OPEN
