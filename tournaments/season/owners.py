@@ -21,7 +21,7 @@ from arena.protocol.topics import is_chunk
 from arena.submission import unpack
 from tournaments.league.entries import REMOTE
 from tournaments.league.season import SeasonTerms
-from tournaments.league.versions import label_of
+from tournaments.league.versions import entry_of
 from tournaments.outcome import Outcome
 from tournaments.season.submitted import SubmittedFolder
 from tournaments.season.uploads import Uploads
@@ -248,7 +248,7 @@ class OwnerRequests:
 
     def _tell_log(self, request: SeasonRequest, now_s: float) -> Message:
         entry = self._find_own(request)
-        file = None if entry is None else self._logs / f"{label_of(entry.entry, entry.number)}.log"
+        file = None if entry is None else self._logs / f"{entry.label}.log"
         if file is None or not file.is_file():
             return SeasonAnswer(text=f"{request.name} has no log yet")
         with file.open("rb") as log:
@@ -306,7 +306,7 @@ def _tell(one: Submission) -> dict[str, Any]:
 
 def _tell_match(outcome: Outcome, entry: str) -> dict[str, Any]:
     """Return a match as the owner of one of its entries is told of it."""
-    team = Team.BLUE if outcome.blue.partition(".")[0] == entry else Team.RED
+    team = Team.BLUE if entry_of(outcome.blue) == entry else Team.RED
     own, other = (outcome.blue, outcome.red) if team is Team.BLUE else (outcome.red, outcome.blue)
     result = outcome.result
     return {

@@ -19,7 +19,6 @@ from arena.keyring.files import load_or_make
 from arena.network.address import Address
 from arena.network.session import open_router
 from arena.pit.register import Register, read_invites
-from arena.protocol.identity import Identity
 from tournaments.league.entries import REMOTE
 from tournaments.league.league import League
 from tournaments.league.season import Phase
@@ -160,12 +159,9 @@ class Season:
             why_not_remote=_why_not_remote(league, venue),
         )  # fmt: skip
         address = Address(endpoint=terms.submissions, pit=league.name, fingerprint=identity.fingerprint)
-        with open_router(address.endpoint, address.pit) as session, intake, self._desk(session, identity, owners) as desk:
+        with open_router(address.endpoint, address.pit) as session, intake, Desk(session, league.name, identity, owners) as desk:
             self._events.on_open(address)
             yield desk, intake
-
-    def _desk(self, session: Any, identity: Identity, owners: OwnerRequests) -> Desk:
-        return Desk(session, self._league.name, identity, owners)
 
     def _describe_entry(self, entry: SeasonEntry) -> dict[str, Any]:
         """Return what the owner of an entry is told beside its own versions: where it stands, where its page is, and its pit."""
