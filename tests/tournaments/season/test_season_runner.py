@@ -28,12 +28,12 @@ def season(store_url: str, tmp_path: Path) -> Iterator[PretendedSeason]:
 
 def play(season: PretendedSeason, n: int) -> int:
     """Play until `n` more matches are counted, or nothing is left to be known; return how many were."""
-    counted = 0
-    while counted < n:
+    counted = n_idle = 0
+    while counted < n and n_idle < 2:
         season.now_s += 10
-        counted += (new := len(season.runner.step(Phase.OPEN)))
-        if not new and not season.runner.n_under_way:
-            break
+        new = len(season.runner.step(Phase.OPEN))
+        counted += new
+        n_idle = 0 if new or season.runner.n_under_way else n_idle + 1
     return counted
 
 
