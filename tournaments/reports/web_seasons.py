@@ -12,11 +12,11 @@ from typing import Any
 from arena.errors import ArenaError, ForgedError, InputError, UnknownNameError
 from arena.protocol.page_token import read_page_token
 from arena.records.plan import LeagueMatchId
-from tournaments.league.season import FINAL_SUFFIX
+from tournaments.league.season import FINAL_SUFFIX, Phase
 from tournaments.ratings.standings import Record
 from tournaments.reports.head_to_head import score_interval
 from tournaments.reports.replays import find_whole_pairs
-from tournaments.reports.season_table import FINAL, FROZEN, OVER, as_season_table
+from tournaments.reports.season_table import as_season_table
 from tournaments.running.scheduler import Folders
 from tournaments.store.entry_history import EntryHistory
 from tournaments.store.season_store import WAITING, SeasonEntry, Submission
@@ -55,7 +55,7 @@ class Seasons:
         if document is None:
             return {"season": name, "leaderboard": None}
         facts = {key: value for key, value in document.items() if key != "rows"}
-        if final is not None and facts["phase"] in (FINAL, OVER):
+        if final is not None and facts["phase"] in (Phase.FINAL, Phase.OVER):
             facts["final"] = final.name
         return {**facts, "leaderboard": as_season_table(document["rows"])}
 
@@ -70,7 +70,7 @@ class Seasons:
             if found is None:
                 raise UnknownNameError(f"entry of season {name}", entry, [one.entry for one in store.entries(league)])
             document = store.standings(league) or {"rows": []}
-            is_frozen = document.get("phase") == FROZEN
+            is_frozen = document.get("phase") == Phase.FROZEN
             row = next((row for row in document["rows"] if row["entry"] == entry), None)
             versions = _tell_versions(store, league, found, row, is_frozen=is_frozen)
             history = {} if is_frozen else _tell_history(store, league, found)
@@ -145,7 +145,7 @@ def check_journal_is_open(store: EntryHistory, league: StoredLeague, identity: s
         match = None
     if match is None or match.league != league.name or identity not in store.find_played([identity]):
         raise ArenaError(f"season {league.name} has no match {identity} that is over")
-    if (store.standings(league) or {}).get("phase") == FROZEN:
+    if (store.standings(league) or {}).get("phase") == Phase.FROZEN:
         raise ArenaError("the table of the season is frozen, and so long no journal is to be seen")
     if identity not in find_whole_pairs(store.find_played(_pair_of(identity))):
         raise ArenaError("the journal is not to be seen until both matches of its pair are over")

@@ -54,8 +54,6 @@ class Intake:
     ----------
     clock
         Seconds since 1970.
-    on_change
-        Called when an entry plays another version.
     """
 
     def __init__(
@@ -66,11 +64,10 @@ class Intake:
         terms: CheckTerms,
         *,
         clock: Callable[[], float],
-        on_change: Callable[[], None] = lambda: None,
     ) -> None:
         Sandbox(has_wall=terms.has_wall, limits=terms.limits).check()
         self._store, self._league, self._folder, self._terms = store, league, folder, terms
-        self._clock, self._on_change = clock, on_change
+        self._clock = clock
         waiting = store.submissions(league, state=WAITING)
         folder.clear([(one.entry, one.digest) for one in waiting], {one.spec for one in store.versions(league)})
         self._news, self._is_over = Event(), Event()
@@ -131,7 +128,6 @@ class Intake:
                 spec = self._folder.enter(folder, one.digest)
                 try:
                     self._store.accept(self._league, one, spec=spec, says=_ACCEPTED, report=_tell(report), now_s=self._clock())
-                    self._on_change()
                 except WithdrawnError as error:
                     logger.info("%s", error)
                 self._forget(one)

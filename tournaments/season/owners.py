@@ -22,7 +22,7 @@ from arena.protocol.topics import is_chunk
 from arena.submission import unpack
 from tournaments.league.entries import REMOTE
 from tournaments.league.season import SeasonTerms, most_name_letters
-from tournaments.league.versions import label_of
+from tournaments.league.versions import entry_of
 from tournaments.outcome import Outcome
 from tournaments.season.submitted import SubmittedFolder
 from tournaments.season.uploads import Uploads
@@ -52,8 +52,6 @@ class OwnerRequests:
         Seconds since 1970.
     on_submission
         Called when something waits for its check.
-    on_change
-        Called when an entry plays another version, or none.
     describe
         Returns what else the season tells the owner of an entry: its place in the table, its page, where it joins.
     why_not_remote
@@ -71,14 +69,13 @@ class OwnerRequests:
         *,
         clock: Callable[[], float],
         on_submission: Callable[[], None],
-        on_change: Callable[[], None],
         describe: Callable[[SeasonEntry], Mapping[str, Any]] = lambda _: {},
         why_not_remote: str = "",
     ) -> None:
         self._store, self._league, self._terms, self._folder, self._logs = store, league, terms, folder, logs
         self._register, self._clock, self._describe = register, clock, describe
         self._why_not_remote = why_not_remote
-        self._on_submission, self._on_change = on_submission, on_change
+        self._on_submission = on_submission
         self._most_bytes = terms.most_kb * 1_000
         self._uploads = Uploads(self._most_bytes)
         self._commands: dict[str, Callable[[SeasonRequest, float], Message]] = {
@@ -150,7 +147,6 @@ class OwnerRequests:
         version = self._store.accept(
             self._league, kept, spec=spec, says="it plays from its owner's machine", report=None, now_s=self._clock()
         )
-        self._on_change()
         entry = self._store.find_entry(self._league, request.name)
         join = "" if entry is None else self._describe(entry).get("join", "")
         text = f"version {version.number} of {request.name} plays as soon as it joins"
@@ -256,7 +252,7 @@ class OwnerRequests:
 
     def _tell_log(self, request: SeasonRequest, now_s: float) -> Message:
         entry = self._find_own(request)
-        file = None if entry is None else self._logs / f"{label_of(entry.entry, entry.number)}.log"
+        file = None if entry is None else self._logs / f"{entry.label}.log"
         if file is None or not file.is_file():
             return SeasonAnswer(text=f"{request.name} has no log yet")
         try:
@@ -276,7 +272,6 @@ class OwnerRequests:
             raise InputError(f"{request.name} has no version {request.number}; it has {', '.join(map(str, numbers))}")
         self._check_has_room(request, self._store.entries(self._league), self._store.submissions(self._league, state=WAITING))
         self._store.play_version(self._league, entry, request.number)
-        self._on_change()
         return SeasonAnswer(text=f"version {request.number} of {request.name} plays from now on")
 
     def _withdraw(self, request: SeasonRequest, now_s: float) -> Message:
@@ -287,7 +282,6 @@ class OwnerRequests:
         entry = self._find_own(request)  # what was checked meanwhile may have been accepted before it was refused
         if entry is not None and not entry.is_withdrawn:
             self._store.withdraw(self._league, entry)
-            self._on_change()
         return SeasonAnswer(text=f"{request.name} plays no more; what it played stays, and --roll-back N brings it back")
 
     def _find_own(self, request: SeasonRequest) -> SeasonEntry | None:
@@ -321,7 +315,7 @@ def _tell(one: Submission) -> dict[str, Any]:
 
 def _tell_match(outcome: Outcome, entry: str) -> dict[str, Any]:
     """Return a match as the owner of one of its entries is told of it."""
-    team = Team.BLUE if outcome.blue.partition(".")[0] == entry else Team.RED
+    team = Team.BLUE if entry_of(outcome.blue) == entry else Team.RED
     own, other = (outcome.blue, outcome.red) if team is Team.BLUE else (outcome.red, outcome.blue)
     result = outcome.result
     return {

@@ -21,12 +21,12 @@ from arena.records.plan import LeagueMatchId, MatchPlan
 from tournaments.fixture import plan_pair
 from tournaments.intervals import Z95
 from tournaments.league.league import League
+from tournaments.league.season import Phase
 from tournaments.outcome import Outcome
 from tournaments.ratings.standings import Standing
 from tournaments.reports.season_table import describe_season
 from tournaments.running.slots import SHARE
 from tournaments.season.choosing import NEWCOMER_ELO, choose_pairs
-from tournaments.season.phases import Phase
 from tournaments.season.results import Results, n_pairs_of
 from tournaments.season.roster import Roster, read_roster
 from tournaments.season.table import Table, rate_season
@@ -157,7 +157,7 @@ class SeasonRunner:
         return describe_season(
             self.row.name,
             sorted(rows, key=lambda row: (row.rating.rank, row.name)),
-            phase=phase.value,
+            phase=phase,
             deadline_s=None if terms is None else terms.deadline_s,
             new=[row.name for row in rows if row.rating.elo_high - row.rating.elo_low > NEWCOMER_ELO],
             n_matches=self.results.n_matches,
