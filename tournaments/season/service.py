@@ -252,6 +252,8 @@ def _why_not_remote(league: League, venue: str) -> str:
     """Return why no entry of a season can join by itself, or nothing."""
     if venue != "network":
         return "this season plays where nobody joins by itself; submit the bot without --remote"
+    if not league.listen:
+        return "this season has no address at which entries join by themselves; submit the bot without --remote"
     if league.maps != "fresh":
         return "this season plays each map twice, which who joins by itself may remember; submit the bot without --remote"
     return ""
