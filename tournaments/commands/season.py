@@ -34,9 +34,9 @@ def open_season(
     ] = "",
     as_json: AsJson = False,
 ) -> None:
-    """Take submissions and play them until the season is over. Stopped at any moment, it goes on from there.
+    r"""Take submissions and play them until the season is over. Stopped at any moment, it goes on from there.
 
-    The file is a league's with a table \\[season]. Authors submit with `arena submit BOT --to ADDRESS`, at the address that is
+    The file is a league's with a table \[season]. Authors submit with `arena submit BOT --to ADDRESS`, at the address that is
     printed first. With --json, each line on stderr is a JSON object: an "event" (open, phase, versions, match, stopped) and its
     facts.
     """
