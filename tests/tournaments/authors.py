@@ -45,18 +45,14 @@ class Season:
         self.submitted = SubmittedFolder(folder)
         self.logs = folder / "logs"
         self.logs.mkdir(exist_ok=True)
-        self.n_changes = 0
         self.on_submission: Callable[[], None] = lambda: None
         self.owners = OwnerRequests(
             self.store, self.row, terms, self.submitted, self.logs, Register(folder / "register.json", invites),
-            clock=lambda: self.now_s, on_submission=self.announce, on_change=self.note_change,
+            clock=lambda: self.now_s, on_submission=self.announce,
         )  # fmt: skip
 
     def announce(self) -> None:
         self.on_submission()
-
-    def note_change(self) -> None:
-        self.n_changes += 1
 
     def intake(self, **changes: Any) -> Intake:
         """Return what checks submissions: against one opponent, in at most 3 s."""
@@ -66,7 +62,7 @@ class Season:
                 "most_s": 3.0, "patience_s": 20.0, "most_bytes": self.terms.most_kb * 1_000, **changes,
             }
         )  # fmt: skip
-        return Intake(self.store, self.row, self.submitted, terms, clock=lambda: self.now_s, on_change=self.note_change)
+        return Intake(self.store, self.row, self.submitted, terms, clock=lambda: self.now_s)
 
     def kept(self) -> list[str]:
         """Return what lies in the folder of submissions."""

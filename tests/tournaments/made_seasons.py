@@ -8,6 +8,7 @@ from typing import Any
 
 from sqlalchemy import insert
 
+from tournaments.league.season import Phase
 from tournaments.ratings.rate import Rating
 from tournaments.ratings.standings import Record, Standing
 from tournaments.reports.season_table import describe_season
@@ -80,7 +81,7 @@ def keep_table(store: SeasonStore, league: StoredLeague, *, phase: str = "open",
         for rank, label in enumerate(league.definition["entries"], 1)
     ]
     given = {"deadline_s": None, "n_matches": store.count(league), "n_waiting": 0, "n_playing": 2, "now_s": 7.0, **more}
-    store.put_standings(league, describe_season(league.name, rows, phase=phase, **given), given["now_s"])
+    store.put_standings(league, describe_season(league.name, rows, phase=Phase(phase), **given), given["now_s"])
 
 
 def submit(store: SeasonStore, league: StoredLeague, entry: str, owner: str, says: str = "", *, digest: str = "d") -> None:

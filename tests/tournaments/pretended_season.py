@@ -42,6 +42,7 @@ class PretendedVenue:
         self.named_gone: set[str] = set()
         self.withdrawn: set[str] = set()
         self.broken: set[str] = set()
+        self.forfeiting: set[str] = set()
         self.waits_for: set[str] = set()
         """Whose matches do not begin unless they are withdrawn."""
         self.present: frozenset[str] = frozenset()
@@ -70,6 +71,9 @@ class PretendedVenue:
         if self.broken & {plan.blue, plan.red} or plan.identity in self.withdrawn:
             self.withdrawn.discard(plan.identity)
             return ended(plan.identity, plan.blue, plan.red, None, ending=Termination.VOID)
+        for name, winner in ((plan.blue, Team.RED), (plan.red, Team.BLUE)):
+            if name in self.forfeiting:
+                return ended(plan.identity, plan.blue, plan.red, winner, ending=Termination.FORFEIT)
         lead = self.elo[plan.blue] - self.elo[plan.red]
         blue = 1 / (1 + 10 ** (-lead / 400))
         drawn = 0.2 * min(blue, 1 - blue) * 2
@@ -99,9 +103,10 @@ class PretendedSeason:
         )  # fmt: skip
         return self.runner
 
-    def submit(self, entry: str, digest: str, elo: float) -> str:
+    def submit(self, entry: str, digest: str, elo: float, owner: str = "") -> str:
         """Have somebody submit code of a strength, which is accepted; return its label."""
-        given = self.store.submit(self.row, entry=entry, owner=f"{entry}s key", digest=digest, n_bytes=1, now_s=self.now_s)
+        owner = owner or f"{entry}s key"
+        given = self.store.submit(self.row, entry=entry, owner=owner, digest=digest, n_bytes=1, now_s=self.now_s)
         place = self.folder / "submissions" / digest
         place.mkdir(parents=True, exist_ok=True)
         (place / ".submission").write_text("bot\nbot.py\n")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from arena.metrics.definitions import Reading
     from arena.network.address import Address
-    from tournaments.season.phases import Phase
+    from tournaments.league.season import Phase
     from tournaments.season.service import Season, SeasonState
 
 _TELL_EVERY_S = 60.0
@@ -80,7 +80,7 @@ def open_season(
         tell(f"season {chosen.name} is open: arena submit BOT --to {address}", "open", address=str(address))
 
     def on_phase(phase: "Phase") -> None:
-        tell(f"season {chosen.name}: {phase.value}", "phase", phase=phase.value)
+        tell(f"season {chosen.name}: {phase}", "phase", phase=phase)
 
     def on_versions(new: list[str], gone: list[str]) -> None:
         parts = [f"{', '.join(new)} from now on"] * bool(new) + [f"{', '.join(gone)} no more"] * bool(gone)
@@ -115,7 +115,7 @@ def _reader(running: "Season") -> "Callable[[], Sequence[Reading]]":
     """Return what tells a monitor of a season."""
     import time
 
-    from arena.metrics.definitions import MATCHES_ENDED, MATCHES_RUNNING, QUEUE, TICKS, Reading
+    from arena.metrics.definitions import FAULTS, MATCHES_ENDED, MATCHES_RUNNING, QUEUE, TICKS, Reading
 
     def read() -> "Sequence[Reading]":
         state: SeasonState = running.state
@@ -126,6 +126,7 @@ def _reader(running: "Season") -> "Callable[[], Sequence[Reading]]":
             Reading(MATCHES_RUNNING, state.n_playing),
             Reading(MATCHES_ENDED, state.endings),
             Reading(TICKS, state.n_ticks),
+            Reading(FAULTS, state.faults),
             Reading(QUEUE, {"submissions": state.n_waiting}),
         ]
 

@@ -1,19 +1,43 @@
-"""The terms of a season: `[season]` of a league's file. The league stays open, and authors submit its entries."""
+"""The terms of a season, `[season]` of a league's file, and its phases. The league stays open, and authors submit its entries."""
 
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 from arena.errors import InputError, UnknownNameError
+from arena.records.journal import journal_name
+from arena.records.plan import LeagueMatchId
 
 FINAL_SUFFIX = "-final"
 """Of the name of a season's final, behind the season's."""
 _MOST = {"final_pairs": 1_000, "most_kb": 60_000, "entries_per_owner": 100, "per_day": 10_000}
 _LEAST = {"final_pairs": 0}
+_MOST_CHUNK_LETTERS, _MOST_FILE_NAME_BYTES = 64, 255
+
+
+def most_name_letters(season: str) -> int:
+    """Return how long the name of an entry may be: a journal's file is named by two, one of them twice, and the season."""
+    of_one = LeagueMatchId(league=season, one="x.9999", other="x.9999", pair=99_999, blue="x.9999")
+    room = _MOST_FILE_NAME_BYTES - len(f"{journal_name(str(of_one))}.99")
+    return min(1 + room // 3, _MOST_CHUNK_LETTERS)
+
+
+class Phase(StrEnum):
+    """What a season is at; each follows from the one before it."""
+
+    OPEN = "open"
+    """Submissions are taken and played, and everyone sees the table."""
+    FROZEN = "frozen"
+    """The same, but the public table stands still."""
+    FINAL = "final"
+    """No submission is taken any more, and a league of all entries is played on fresh maps."""
+    OVER = "over"
+    """The final is played, or there is none, and the secrets are known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

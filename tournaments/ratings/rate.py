@@ -85,12 +85,12 @@ def rate(
     strata = units_of(names, outcomes, are_maps_fresh=are_maps_fresh)
     counts, links = count(len(names), units := sum(strata, Counter())), None
     if follows:
-        links = fit_counts(counts, None if are_maps_fresh else units, follows=_places(names, follows)).links
+        links = fit_counts(counts, None if are_maps_fresh else units, follows=places_of(names, follows)).links
     best = fit(counts[None], links=links)[0]
     return _summarise(names, best, bootstrap(len(names), strata, best, n_draws, links))
 
 
-def _places(names: Sequence[str], follows: Follows) -> list[tuple[int, int]]:
+def places_of(names: Sequence[str], follows: Follows) -> list[tuple[int, int]]:
     """Return the places of versions in `names`; those with a neighbour that is not there are left out."""
     index = {name: number for number, name in enumerate(names)}
     return [(index[before], index[after]) for before, after in follows if before in index and after in index]
@@ -168,7 +168,7 @@ def rate_normal(
     """
     names = sorted(names)
     units: Counter[Unit] = sum(units_of(names, outcomes, are_maps_fresh=are_maps_fresh), Counter())
-    known = fit_counts(count(len(names), units), None if are_maps_fresh else units, follows=_places(names, follows))
+    known = fit_counts(count(len(names), units), None if are_maps_fresh else units, follows=places_of(names, follows))
     return ratings_of(names, known, n_draws=n_draws)
 
 

@@ -7,13 +7,12 @@ from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
+from tournaments.league.season import Phase
 from tournaments.league.versions import entry_of, number_of
 from tournaments.ratings.rate import Rating
 from tournaments.ratings.standings import Record, Standing
 from tournaments.reports.leaderboard import STRENGTH, Column, failure_columns, row_to_dict, to_web_table
 
-OPEN, FROZEN, FINAL, OVER = "open", "frozen", "final", "over"
-"""Phases of a season: in the second, what is submitted still plays, and the public table stands still."""
 _RANK, *_OTHERS = STRENGTH
 _COLUMNS = (
     _RANK,
@@ -27,7 +26,7 @@ def describe_season(
     name: str,
     rows: Sequence[Standing],
     *,
-    phase: str,
+    phase: Phase,
     deadline_s: float | None,
     new: Collection[str] = (),
     n_matches: int,

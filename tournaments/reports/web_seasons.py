@@ -12,11 +12,11 @@ from typing import Any
 from arena.errors import ArenaError, ForgedError, InputError, UnknownNameError
 from arena.protocol.page_token import read_page_token
 from arena.records.plan import LeagueMatchId
-from tournaments.league.season import FINAL_SUFFIX
+from tournaments.league.season import FINAL_SUFFIX, Phase
 from tournaments.ratings.standings import Record
 from tournaments.reports.head_to_head import score_interval
 from tournaments.reports.replays import find_whole_pairs
-from tournaments.reports.season_table import FINAL, FROZEN, OVER, as_season_table
+from tournaments.reports.season_table import as_season_table
 from tournaments.running.scheduler import Folders
 from tournaments.store.entry_history import EntryHistory
 from tournaments.store.season_store import WAITING, SeasonEntry, Submission
@@ -56,7 +56,7 @@ class Seasons:
         if document is None:
             return {"season": name, "leaderboard": None}
         facts = {key: value for key, value in document.items() if key != "rows"}
-        if final is not None and facts["phase"] in (FINAL, OVER):
+        if final is not None and facts["phase"] in (Phase.FINAL, Phase.OVER):
             facts["final"] = final.name
         if league.secret is not None:
             facts["secret"] = league.secret.hex()
@@ -73,7 +73,7 @@ class Seasons:
             if found is None:
                 raise UnknownNameError(f"entry of season {name}", entry, [one.entry for one in store.entries(league)])
             document = store.standings(league) or {"rows": []}
-            is_frozen = document.get("phase") == FROZEN
+            is_frozen = document.get("phase") == Phase.FROZEN
             row = next((row for row in document["rows"] if row["entry"] == entry), None)
             versions = _tell_versions(store, league, found, row, is_frozen=is_frozen)
             history = {} if is_frozen else _tell_history(store, league, found)
@@ -148,7 +148,7 @@ def check_journal_is_open(store: EntryHistory, league: StoredLeague, identity: s
         match = None
     if match is None or match.league != league.name or identity not in store.find_played([identity]):
         raise ArenaError(f"season {league.name} has no match {identity} that is over")
-    if (store.standings(league) or {}).get("phase") == FROZEN:
+    if (store.standings(league) or {}).get("phase") == Phase.FROZEN:
         raise ArenaError("the table of the season is frozen, and so long no journal is to be seen")
     if identity not in find_whole_pairs(store.find_played(_pair_of(identity))):
         raise ArenaError("the journal is not to be seen until both matches of its pair are over")
@@ -171,11 +171,11 @@ def _tell_versions(
     store: EntryHistory, league: StoredLeague, entry: SeasonEntry, row: Mapping[str, Any] | None, *, is_frozen: bool
 ) -> list[dict[str, Any]]:
     told = []
-    for version in store.versions_of(league, entry.entry):
+    for version in store.versions(league, entry.entry):
         is_shown = row is not None and row["version"] == version.number
         rating = row if is_shown else version.rating
-        if is_frozen and not is_shown and (row is None or version.number > row["version"]):
-            rating = None  # it was rated after the table froze
+        if is_frozen and not is_shown:
+            rating = None  # it may have been rated after the table froze, an earlier one too that was played again
         told.append(
             {
                 "number": version.number,
@@ -187,7 +187,7 @@ def _tell_versions(
 
 
 def _tell_history(store: EntryHistory, league: StoredLeague, entry: SeasonEntry) -> dict[str, Any]:
-    labels = [version.label for version in store.versions_of(league, entry.entry)]
+    labels = [version.label for version in store.versions(league, entry.entry)]
     outcomes = store.matches_of(league, labels, MOST_MATCHES)
     visible = find_whole_pairs(store.find_played({one for each in outcomes for one in _pair_of(each.identity)}))
     best, worst = _rank_opponents(store.records_against(league, entry.label))

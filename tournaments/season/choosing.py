@@ -103,9 +103,8 @@ class _Table:
         self._n_opponents = np.maximum(may_meet.sum(axis=1), 1)
         self._n_pairs = n_played.sum(axis=1).astype(np.float64)
         self._n_repeats = n_played[self._ones, self._others].astype(np.float64)
-        covariance = posterior.covariance[:n, :n]
         # Around the mean, as ratings are shown: differences, all that a match tells of, stay what they are.
-        self._covariance = covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
+        self._covariance = posterior.centred[1] / ELO**2
         self._variances = self._spread(self._covariance)
         """Of every couple's difference."""
         self._strengths = posterior.strengths

@@ -58,7 +58,6 @@ class Desk:
         """When each connection last sent what was signed."""
         self._is_over = Event()
         self._thread = Thread(target=self._run, name="submissions", daemon=True)
-        self.n_dropped = 0
         self.failure: BaseException | None = None
         """Why it answers no more."""
 
@@ -76,7 +75,6 @@ class Desk:
         try:
             self._inbox.put_nowait(query)
         except Full:
-            self.n_dropped += 1
             query.drop()
 
     def _run(self) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from hashlib import sha256
+from os import SEEK_END
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,12 @@ from arena.protocol.messages import Message, Refusal, SeasonAnswer, SeasonReques
 from arena.protocol.topics import is_chunk
 from arena.submission import unpack
 from tournaments.league.entries import REMOTE
-from tournaments.league.season import SeasonTerms
-from tournaments.league.versions import Version, label_of
+from tournaments.league.season import SeasonTerms, most_name_letters
+from tournaments.league.versions import entry_of
 from tournaments.outcome import Outcome
 from tournaments.season.submitted import SubmittedFolder
 from tournaments.season.uploads import Uploads
-from tournaments.store.season_store import WAITING, SeasonEntry, SeasonStore, Submission
+from tournaments.store.season_store import ACCEPTED, WAITING, SeasonEntry, SeasonStore, Submission
 from tournaments.store.store import StoredLeague
 
 logger = logging.getLogger(__name__)
@@ -51,8 +52,6 @@ class OwnerRequests:
         Seconds since 1970.
     on_submission
         Called when something waits for its check.
-    on_change
-        Called when an entry plays another version, or none.
     describe
         Returns what else the season tells the owner of an entry: its place in the table, its page, where it joins.
     why_not_remote
@@ -70,14 +69,13 @@ class OwnerRequests:
         *,
         clock: Callable[[], float],
         on_submission: Callable[[], None],
-        on_change: Callable[[], None],
         describe: Callable[[SeasonEntry], Mapping[str, Any]] = lambda _: {},
         why_not_remote: str = "",
     ) -> None:
         self._store, self._league, self._terms, self._folder, self._logs = store, league, terms, folder, logs
         self._register, self._clock, self._describe = register, clock, describe
         self._why_not_remote = why_not_remote
-        self._on_submission, self._on_change = on_submission, on_change
+        self._on_submission = on_submission
         self._most_bytes = terms.most_kb * 1_000
         self._uploads = Uploads(self._most_bytes)
         self._commands: dict[str, Callable[[SeasonRequest, float], Message]] = {
@@ -134,7 +132,7 @@ class OwnerRequests:
             return Wait(reason="the season has no room on its disk; its organiser was told")
         kept = self._submit(request, digest, len(came))
         self._on_submission()
-        n_before = self._queue_position(kept) - 1
+        n_before = self._store.queue_position(self._league, kept) - 1
         after = f" after {quantity(n_before, 'other')}" if n_before else ""
         return SeasonAnswer(text=f"it waits for its check{after}", offset=len(came), facts={"submission": kept.id})
 
@@ -145,20 +143,20 @@ class OwnerRequests:
         spec = REMOTE + to_text(request.entry)
         digest = sha256(spec.encode()).hexdigest()
         self._check_is_new(request.name, digest)
-        kept = self._submit(request, digest, 0)
+        kept = self._submit(request, digest, 0, ACCEPTED)
         version = self._store.accept(
             self._league, kept, spec=spec, says="it plays from its owner's machine", report=None, now_s=self._clock()
         )
-        self._on_change()
         entry = self._store.find_entry(self._league, request.name)
         join = "" if entry is None else self._describe(entry).get("join", "")
         text = f"version {version.number} of {request.name} plays as soon as it joins"
         return SeasonAnswer(text=text, facts={"join": join} if join else {})
 
-    def _submit(self, request: SeasonRequest, digest: str, n_bytes: int) -> Submission:
+    def _submit(self, request: SeasonRequest, digest: str, n_bytes: int, state: str = WAITING) -> Submission:
         return self._store.submit(
-            self._league, entry=request.name, owner=to_text(request.entry), digest=digest, n_bytes=n_bytes, now_s=self._clock()
-        )
+            self._league, entry=request.name, owner=to_text(request.entry), digest=digest, n_bytes=n_bytes, now_s=self._clock(),
+            state=state,
+        )  # fmt: skip
 
     def _check_may_submit(self, request: SeasonRequest) -> None:
         """Refuse whoever may not submit under this name, or not now; tie the invite to who used it."""
@@ -166,6 +164,8 @@ class OwnerRequests:
         owner, name, terms = to_text(request.entry), request.name, self._terms
         if _is_key(name):
             raise InputError("a name must not look like a public key; choose another with --name")
+        if len(name) > (most := most_name_letters(self._league.name)):
+            raise InputError(f"the name {name} is too long; in this season, it may have {most} letters: choose one with --name")
         self._check_invite(request)
         waiting = self._store.submissions(self._league, state=WAITING)
         entries = self._store.entries(self._league)
@@ -214,7 +214,7 @@ class OwnerRequests:
 
     def _check_is_new(self, name: str, digest: str) -> None:
         """Refuse what the entry has played."""
-        played = next((one for one in self._versions(name) if one.fingerprint == digest), None)
+        played = next((one for one in self._store.versions(self._league, name) if one.fingerprint == digest), None)
         if played is None:
             return
         entry = self._store.find_entry(self._league, name)
@@ -232,14 +232,14 @@ class OwnerRequests:
             "season": self._league.name,
             "entry": request.name,
             "plays": None if entry is None or entry.is_withdrawn else entry.number,
-            "queue": next((self._queue_position(one) for one in last if one.state == WAITING), None),
+            "queue": next((self._store.queue_position(self._league, one) for one in last if one.state == WAITING), None),
             "submissions": [_tell(one) for one in last[-_MOST_SUBMISSIONS:]],
             "report": last[-1].report if last else None,
         }
         if entry is not None:
-            versions = self._versions(request.name)[-_MOST_VERSIONS:]
+            versions = self._store.versions(self._league, request.name)[-_MOST_VERSIONS:]
             labels = [one.label for one in versions]
-            played = self._store.last_matches(self._league, labels, _MOST_MATCHES) if labels else []
+            played = self._store.matches_of(self._league, labels, _MOST_MATCHES) if labels else []
             facts |= {
                 "versions": [
                     {"number": one.number, "entered_at": one.entered_at, "rating": None if one.rating is None else {**one.rating}}
@@ -252,33 +252,36 @@ class OwnerRequests:
 
     def _tell_log(self, request: SeasonRequest, now_s: float) -> Message:
         entry = self._find_own(request)
-        file = None if entry is None else self._logs / f"{label_of(entry.entry, entry.number)}.log"
+        file = None if entry is None else self._logs / f"{entry.label}.log"
         if file is None or not file.is_file():
             return SeasonAnswer(text=f"{request.name} has no log yet")
-        with file.open("rb") as log:
-            log.seek(max(request.offset, 0, file.stat().st_size - _MOST_LOG_BYTES))
-            data = log.read(_LOG_PIECE_BYTES)
-            return SeasonAnswer(text=file.name, offset=log.tell(), data=data)
+        try:
+            with file.open("rb") as log:
+                end = log.seek(0, SEEK_END)
+                log.seek(min(max(request.offset, 0, end - _MOST_LOG_BYTES), end))
+                data = log.read(_LOG_PIECE_BYTES)
+                return SeasonAnswer(text=file.name, offset=log.tell(), data=data)
+        except OSError as error:
+            raise InputError(f"the log of {request.name} cannot be read: {error.strerror}") from error
 
     def _roll_back(self, request: SeasonRequest, now_s: float) -> Message:
         entry = self._find_playing(request)
         self._check_is_open()
-        numbers = [one.number for one in self._versions(request.name)]
+        numbers = [one.number for one in self._store.versions(self._league, request.name)]
         if request.number not in numbers:
             raise InputError(f"{request.name} has no version {request.number}; it has {', '.join(map(str, numbers))}")
         self._check_has_room(request, self._store.entries(self._league), self._store.submissions(self._league, state=WAITING))
         self._store.play_version(self._league, entry, request.number)
-        self._on_change()
         return SeasonAnswer(text=f"version {request.number} of {request.name} plays from now on")
 
     def _withdraw(self, request: SeasonRequest, now_s: float) -> Message:
-        entry = self._find_own(request)
-        for one in self._store.submissions(self._league, state=WAITING, entry=request.name):
+        self._find_own(request)
+        for one in self._store.submissions(self._league, state=WAITING, owner=to_text(request.entry), entry=request.name):
             self._store.refuse(self._league, one, "it was withdrawn")
             self._folder.forget(one.entry, one.digest)
+        entry = self._find_own(request)  # what was checked meanwhile may have been accepted before it was refused
         if entry is not None and not entry.is_withdrawn:
             self._store.withdraw(self._league, entry)
-            self._on_change()
         return SeasonAnswer(text=f"{request.name} plays no more; what it played stays, and --roll-back N brings it back")
 
     def _find_own(self, request: SeasonRequest) -> SeasonEntry | None:
@@ -297,13 +300,6 @@ class OwnerRequests:
             raise InputError(f"no version of {request.name} has been accepted yet")
         return entry
 
-    def _versions(self, name: str) -> list[Version]:
-        return sorted((one for one in self._store.versions(self._league) if one.entry == name), key=lambda one: one.number)
-
-    def _queue_position(self, waiting: Submission) -> int:
-        """Return how manieth it is to be checked, from 1."""
-        return 1 + sum(one.id < waiting.id for one in self._store.submissions(self._league, state=WAITING))
-
 
 def _is_key(name: str) -> bool:
     try:
@@ -319,7 +315,7 @@ def _tell(one: Submission) -> dict[str, Any]:
 
 def _tell_match(outcome: Outcome, entry: str) -> dict[str, Any]:
     """Return a match as the owner of one of its entries is told of it."""
-    team = Team.BLUE if outcome.blue.partition(".")[0] == entry else Team.RED
+    team = Team.BLUE if entry_of(outcome.blue) == entry else Team.RED
     own, other = (outcome.blue, outcome.red) if team is Team.BLUE else (outcome.red, outcome.blue)
     result = outcome.result
     return {

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -67,11 +68,7 @@ def read_roster(store: SeasonStore, row: StoredLeague, league: League, folder: P
         entries={entry.label: entry for entry in playing},
         fighters=fighters,
         think_s=known_s,
-        follows=tuple(
-            (before.label, after.label)
-            for entry in playing
-            for before, after in zip(versions[entry.entry], versions[entry.entry][1:], strict=False)
-        ),
+        follows=tuple((before.label, after.label) for entry in playing for before, after in pairwise(versions[entry.entry])),
     )
 
 

@@ -21,12 +21,12 @@ from arena.records.plan import LeagueMatchId, MatchPlan
 from tournaments.fixture import plan_pair
 from tournaments.intervals import Z95
 from tournaments.league.league import League
+from tournaments.league.season import Phase
 from tournaments.outcome import Outcome
 from tournaments.ratings.standings import Standing
 from tournaments.reports.season_table import describe_season
 from tournaments.running.slots import SHARE
 from tournaments.season.choosing import NEWCOMER_ELO, choose_pairs
-from tournaments.season.phases import Phase
 from tournaments.season.results import Results, n_pairs_of
 from tournaments.season.roster import Roster, read_roster
 from tournaments.season.table import Table, rate_season
@@ -34,9 +34,9 @@ from tournaments.store.season_store import SeasonStore
 from tournaments.store.store import StoredLeague
 from tournaments.venues.open_venue import OpenVenue
 
-MOST_UNDER_WAY, LEAST_UNDER_WAY = 32, 12
-"""Matches: when fewer than the second are under way, pairs are chosen up to the first."""
-LEAST_WHEN_BUSY, MOST_WHEN_BUSY = 4, 8
+LEAST_UNDER_WAY, MOST_UNDER_WAY = 6, 16
+"""Matches, for each core: when fewer than the first are under way, pairs are chosen up to the second."""
+LEAST_WHEN_BUSY, MOST_WHEN_BUSY = 2, 4
 """The same while submissions are checked, whose turns are timed."""
 REST_ELO = 40.0
 """When everybody's 95% interval is as narrow as this, nothing is played until something changes."""
@@ -81,6 +81,7 @@ class SeasonRunner:
         self.row = row
         self.results = Results(store.count_results(row), stored := store.identities(row), store.count_forfeits(row))
         self.roster: Roster = read_roster(store, row, league, folder, think_s or {})
+        self._n_cores = n_cores
         turn_time_s = league.time_control.turn_time_s
         self._most_thinking_s = inf if turn_time_s is None else SHARE * turn_time_s * n_cores
         self.table: Table = rate_season(self.results, self.roster.labels, self.roster.follows)
@@ -122,8 +123,8 @@ class SeasonRunner:
         self._take_off_the_absent()
         least, most = (LEAST_WHEN_BUSY, MOST_WHEN_BUSY) if is_busy else (LEAST_UNDER_WAY, MOST_UNDER_WAY)
         self._end_suspensions()
-        if may_choose and len(self._moving) < least:
-            self._choose(most)
+        if may_choose and len(self._moving) < least * self._n_cores:
+            self._choose(most * self._n_cores)
         counted = [outcome for outcome in self._venue.receive() if self._count(outcome)]
         now_s = self._clock()
         if not self._is_rated and (now_s - self._rated_at_s >= self._rate_every_s or not self._plans):
@@ -156,7 +157,7 @@ class SeasonRunner:
         return describe_season(
             self.row.name,
             sorted(rows, key=lambda row: (row.rating.rank, row.name)),
-            phase=phase.value,
+            phase=phase,
             deadline_s=None if terms is None else terms.deadline_s,
             new=[row.name for row in rows if row.rating.elo_high - row.rating.elo_low > NEWCOMER_ELO],
             n_matches=self.results.n_matches,

@@ -7,6 +7,7 @@ author -- router --> Desk --> submissions --> Intake --> versions --> SeasonRunn
 import logging
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -19,9 +20,9 @@ from arena.keyring.files import load_or_make
 from arena.network.address import Address
 from arena.network.session import open_router
 from arena.pit.register import Register, read_invites
-from arena.protocol.identity import Identity
 from tournaments.league.entries import REMOTE
 from tournaments.league.league import League
+from tournaments.league.season import Phase
 from tournaments.league.secret import commit_to, find_secret
 from tournaments.outcome import Outcome
 from tournaments.running.scheduler import Folders
@@ -30,7 +31,7 @@ from tournaments.season.desk import Desk
 from tournaments.season.final import play_final
 from tournaments.season.intake import CheckTerms, Intake
 from tournaments.season.owners import OwnerRequests
-from tournaments.season.phases import Phase, find_phase
+from tournaments.season.phases import find_phase
 from tournaments.season.runner import SeasonRunner
 from tournaments.season.submitted import SubmittedFolder
 from tournaments.store.lock import lock_file
@@ -59,13 +60,15 @@ class SeasonEvents:
 
 @dataclass(slots=True, kw_only=True)
 class SeasonState:
-    """What a monitor is told of a season; replaced as a whole by the thread that runs it."""
+    """What a monitor is told of a season; the thread that runs it sets each of these anew, and changes none in place."""
 
     n_matches: int = 0
     n_playing: int = 0
     n_waiting: int = 0
     endings: dict[str, int] = field(default_factory=dict)
     """Of the matches that ended since it was opened."""
+    faults: dict[str, int] = field(default_factory=dict)
+    """That were counted in them."""
     n_ticks: int = 0
     looked_at_s: float = field(default_factory=time.monotonic)
     """When its thread last did something, by the monotonic clock."""
@@ -153,22 +156,21 @@ class Season:
         owners = OwnerRequests(
             store, self.row, terms, folder, self._folders.journals(league.name),
             Register(self._folder / "register.json", invites),
-            clock=self._clock, on_submission=intake.wake, on_change=lambda: None, describe=self._describe_entry,
+            clock=self._clock, on_submission=intake.wake, describe=self._describe_entry,
             why_not_remote=_why_not_remote(league, venue),
         )  # fmt: skip
         address = Address(endpoint=terms.submissions, pit=league.name, fingerprint=identity.fingerprint)
-        with open_router(address.endpoint, address.pit) as session, intake, self._desk(session, identity, owners) as desk:
+        with open_router(address.endpoint, address.pit) as session, intake, Desk(session, league.name, identity, owners) as desk:
             self._events.on_open(address)
             yield desk, intake
-
-    def _desk(self, session: Any, identity: Identity, owners: OwnerRequests) -> Desk:
-        return Desk(session, self._league.name, identity, owners)
 
     def _describe_entry(self, entry: SeasonEntry) -> dict[str, Any]:
         """Return what the owner of an entry is told beside its own versions: where it stands, where its page is, and its pit."""
         table = self._store.standings(self.row)
         rows = [] if table is None else [row for row in table["rows"] if row["label"] == entry.label]
-        is_remote = any(one.label == entry.label and one.spec.startswith(REMOTE) for one in self._store.versions(self.row))
+        is_remote = any(
+            one.label == entry.label and one.spec.startswith(REMOTE) for one in self._store.versions(self.row, entry.entry)
+        )
         command = f"arena join '{self._address}' --name {entry.label} --key FILE --forever"
         return {
             "standing": rows[0] if rows else None,
@@ -201,7 +203,7 @@ class Season:
                         if part.failure is not None:
                             raise part.failure
                     runner.n_waiting = len(self._store.submissions(self.row, state=WAITING))
-                    phase = find_phase(self._terms, self._clock(), n_waiting=runner.n_waiting, is_closed=False)
+                    phase = find_phase(self._terms, self._clock(), n_waiting=runner.n_waiting)
                     if phase is not self._phase and phase is not Phase.FINAL:
                         self._enter_phase(phase)
                         runner.publish(phase)
@@ -242,6 +244,10 @@ class Season:
         ending = outcome.result.ending.name.lower()
         self.state.endings = {**self.state.endings, ending: self.state.endings.get(ending, 0) + 1}
         self.state.n_ticks += outcome.result.ticks
+        faults = Counter(self.state.faults)
+        for seat in outcome.seats.values():
+            faults.update(seat.faults)
+        self.state.faults = dict(faults)
 
     def _note(self, runner: SeasonRunner) -> None:
         self.state.n_matches, self.state.n_playing = runner.results.n_matches, runner.n_under_way

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tournaments.ratings.normal import Posterior, fit_counts
-from tournaments.ratings.rate import Rating, ratings_of
+from tournaments.ratings.rate import Follows, Rating, places_of, ratings_of
 from tournaments.season.results import Results
 
 _N_DRAWS = 500
@@ -30,9 +30,7 @@ class Table:
         return _part(self.posterior, [index[label] for label in labels])
 
 
-def rate_season(
-    results: Results, labels: Sequence[str], follows: Sequence[tuple[str, str]], before: Table | None = None
-) -> Table:
+def rate_season(results: Results, labels: Sequence[str], follows: Follows, before: Table | None = None) -> Table:
     """Rate the current versions.
 
     Parameters
@@ -45,9 +43,8 @@ def rate_season(
         An earlier table, from which the fit is nearer.
     """
     rated = results.find_rated(labels)
-    index = {label: number for number, label in enumerate(rated)}
-    places = [(index[before], index[after]) for before, after in follows if before in index and after in index]
-    whole = fit_counts(results.table(rated), follows=places, start=None if before is None else _start(rated, before))
+    start = None if before is None else _start(rated, before)
+    whole = fit_counts(results.table(rated), follows=places_of(rated, follows), start=start)
     known = _part(whole, range(len(labels)))
     ratings = ratings_of(labels, known, n_draws=_N_DRAWS).entries if labels else {}
     return Table(

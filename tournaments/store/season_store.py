@@ -6,11 +6,11 @@ withdrawn; every change of that is one transaction.
 
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Row, func, insert, select, update
+from sqlalchemy import Connection, Row, func, insert, select, union_all, update
 
 from arena.game.types import Termination
 from tournaments.league.edits import hash_definition
@@ -61,6 +61,10 @@ class Submission:
     """What the check found."""
     number: int | None
     """Of the version that it became."""
+
+
+class WithdrawnError(StoreError):
+    """A submission was to play that was refused meanwhile, as its owner's withdrawal does."""
 
 
 class SeasonStore(Store):
@@ -115,11 +119,13 @@ class SeasonStore(Store):
         """Return an entry of a season by its name."""
         return next((one for one in self.entries(league) if one.entry == entry), None)
 
-    def submit(self, league: StoredLeague, *, entry: str, owner: str, digest: str, n_bytes: int, now_s: float) -> Submission:
-        """Keep that something was submitted; it waits for its check."""
+    def submit(
+        self, league: StoredLeague, *, entry: str, owner: str, digest: str, n_bytes: int, now_s: float, state: str = WAITING
+    ) -> Submission:
+        """Keep that something was submitted; it waits for its check, or needs none where it is `ACCEPTED` as it comes."""
         row = {
             "league_id": league.id, "entry": entry, "owner": owner, "digest": digest, "n_bytes": n_bytes,
-            "received_at": now_s, "state": WAITING, "says": "", "report": None, "number": None,
+            "received_at": now_s, "state": state, "says": "", "report": None, "number": None,
         }  # fmt: skip
 
         def work(connection: Connection) -> int:
@@ -160,10 +166,16 @@ class SeasonStore(Store):
         report = self._do("read", lambda connection: connection.scalar(query))
         return None if report is None else dict(json.loads(report))
 
+    def queue_position(self, league: StoredLeague, waiting: Submission) -> int:
+        """Return how manieth a submission is to be checked, from 1."""
+        before = (SUBMISSIONS.c.league_id == league.id) & (SUBMISSIONS.c.state == WAITING) & (SUBMISSIONS.c.id < waiting.id)
+        query = select(func.count()).select_from(SUBMISSIONS).where(before)
+        return 1 + self._do("read", lambda connection: int(connection.scalar(query) or 0))
+
     def refuse(self, league: StoredLeague, submission: Submission, says: str, report: Mapping[str, Any] | None = None) -> None:
-        """Keep why a submission is not played."""
+        """Keep why a submission is not played; nothing is changed if it was accepted meanwhile."""
         values = {"state": REFUSED, "says": says, "report": None if report is None else json.dumps(report)}
-        change = update(SUBMISSIONS).where(SUBMISSIONS.c.id == submission.id).values(values)
+        change = update(SUBMISSIONS).where(SUBMISSIONS.c.id == submission.id, SUBMISSIONS.c.state != ACCEPTED).values(values)
         self._do("write to", lambda connection: connection.execute(change), league.name)
 
     def accept(
@@ -182,10 +194,15 @@ class SeasonStore(Store):
         ----------
         spec
             How it is loaded, see `Version.spec`.
+
+        Raises
+        ------
+        WithdrawnError
+            It was refused meanwhile.
         """
         [version] = match_versions(
             {submission.entry: submission.digest},
-            [one for one in self.versions(league) if one.entry == submission.entry],
+            self.versions(league, submission.entry),
         )
         values = {
             "state": ACCEPTED, "says": says, "number": version.number,
@@ -193,13 +210,18 @@ class SeasonStore(Store):
         }  # fmt: skip
         entered = Version(entry=version.entry, number=version.number, fingerprint=submission.digest, spec=spec)
 
-        def work(connection: Connection) -> None:
+        change = update(SUBMISSIONS).where(SUBMISSIONS.c.id == submission.id, SUBMISSIONS.c.state != REFUSED).values(values)
+
+        def work(connection: Connection) -> bool:
+            if connection.execute(change.returning(SUBMISSIONS.c.id)).one_or_none() is None:
+                return False
             connection.execute(self._keep_version(league.id, entered, now_s))
             self._play_version(connection, league.id, submission.entry, submission.owner, version.number)
-            connection.execute(update(SUBMISSIONS).where(SUBMISSIONS.c.id == submission.id).values(values))
             self._redefine(connection, league)
+            return True
 
-        self._do("write to", work, league.name)
+        if not self._do("write to", work, league.name):
+            raise WithdrawnError(f"what was submitted as {submission.entry} was withdrawn, or refused, and cannot play")
         return entered
 
     def play_version(self, league: StoredLeague, entry: SeasonEntry, number: int) -> None:
@@ -256,17 +278,18 @@ class SeasonStore(Store):
         self._do("read", work)
         return dict(found)
 
-    def last_matches(self, league: StoredLeague, labels: list[str], most: int) -> list[Outcome]:
-        """Return the matches in which one of these labels played that were stored last, the last first."""
-        sides = [
-            select(MATCHES).where(MATCHES.c.league_id == league.id, column.in_(labels)).order_by(MATCHES.c.id.desc()).limit(most)
-            for column in (MATCHES.c.blue, MATCHES.c.red)
-        ]
+    def matches_of(self, league: StoredLeague, labels: Collection[str], most: int) -> list[Outcome]:
+        """Return the matches of these labels that were stored last, the last first."""
+        sides = MATCHES.c.blue, MATCHES.c.red
+        # A sum cannot be looked up: the database takes the index of the labels, not that of all matches from their end.
+        ids = union_all(*(select(MATCHES.c.id).where(MATCHES.c.league_id == league.id, side.in_(labels)) for side in sides))
+        last = ids.subquery()
 
         def work(connection: Connection) -> list[Row[Any]]:
-            return [row for side in sides for row in connection.execute(side)]
+            chosen = list(connection.scalars(select(last.c.id).order_by((last.c.id + 0).desc()).limit(most)))
+            return list(connection.execute(select(MATCHES).where(MATCHES.c.id.in_(chosen))))
 
-        rows = sorted(self._do("read", work), key=lambda row: -row.id)[:most]
+        rows = sorted(self._do("read", work), key=lambda row: -row.id)
         return [self._read(f"of the match {row.identity}", read_outcome, row) for row in rows]
 
     def put_standings(self, league: StoredLeague, document: Mapping[str, Any], now_s: float) -> None:

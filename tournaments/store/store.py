@@ -118,11 +118,14 @@ class Store(Database):
             index_elements=["league_id", "entry", "number"], set_={"fingerprint": version.fingerprint}
         )
 
-    def versions(self, league: StoredLeague) -> list[Version]:
-        """Return every version of every entry that a league had, in the order of entries and numbers."""
+    def versions(self, league: StoredLeague, entry: str | None = None) -> list[Version]:
+        """Return every version that a league had, of all entries or of one, in the order of entries and numbers."""
         query = select(VERSIONS).where(VERSIONS.c.league_id == league.id).order_by(VERSIONS.c.number)
+        if entry is not None:
+            query = query.where(VERSIONS.c.entry == entry)
         rows = self._do("read", lambda connection: connection.execute(query).all())
-        return sorted((read_version(row) for row in rows), key=lambda one: (one.entry, one.number))
+        versions = (self._read(f"of a version of {row.entry}", _version, row) for row in rows)
+        return sorted(versions, key=lambda one: (one.entry, one.number))  # databases sort by their locale
 
     def close(self, league: StoredLeague, secret: bytes) -> StoredLeague:
         """Close a league whose lock is held, for good: its secret may be known from now on, and no pairs are added to it."""
@@ -254,7 +257,7 @@ def _league(row: Any) -> StoredLeague:
     return StoredLeague(id=row.id, name=row.name, hash=row.hash, definition=definition, n_pairs=row.n_pairs, secret=secret)
 
 
-def read_version(row: Any) -> Version:
+def _version(row: Any) -> Version:
     rating = None if row.rating is None else json.loads(row.rating)
     return Version(
         entry=row.entry, number=row.number, fingerprint=row.fingerprint, entered_at=row.entered_at, spec=row.spec, rating=rating

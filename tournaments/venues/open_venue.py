@@ -1,30 +1,37 @@
-"""A venue that stays open: matches are given to it at any time, and come back as they end.
+"""Venues that go on, as a season needs them: entries and matches are added while others are played, to whichever venue it is."""
 
-The venue `network` is one by nature. The others play one batch after another, each of all that came meanwhile.
-"""
-
-from collections import deque
-from collections.abc import Collection, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import replace
+from importlib import import_module
 from queue import Empty, SimpleQueue
-from typing import Protocol, Self
+from threading import Condition, Thread
+from typing import Protocol, Self, cast
 
 from arena.errors import InputError
-from arena.game.types import Team, Termination
 from arena.network.address import Address
-from arena.policy import MatchResult
 from arena.records.plan import MatchPlan
-from tournaments.outcome import Outcome, SeatOutcome
+from tournaments.outcome import Outcome
+from tournaments.venues.bundle import freeze
 from tournaments.venues.setting import Fighter, Venue, VenueSetting
 from tournaments.venues.table import find_venue
 
-_POLL_S = 0.2
+_WAIT_S = 0.2
+Session = Callable[[], AbstractContextManager[None]]
 
 
 class OpenVenue(Protocol):
-    """Plays what it is given; used by `with`, by one thread."""
+    """Plays what it is given; used by `with`, from one thread. `tournaments.venues.network.NetworkPit` is the model."""
+
+    def __enter__(self) -> Self:
+        """Begin to play."""
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+
+    @property
+    def n_left(self) -> int:
+        """Matches that were added and have not ended."""
 
     @property
     def address(self) -> Address | None:
@@ -39,10 +46,10 @@ class OpenVenue(Protocol):
         """The entries whose process dies again and again, or was given up: their matches begin late or never."""
 
     def add(self, entries: Mapping[str, Fighter], plans: Sequence[MatchPlan]) -> None:
-        """Let entries in, by label, and play matches; an entry that is known may be named again, as it is."""
+        """Let entries in, by label, and put matches at the end of the plan; one that is known may be named again, as it is."""
 
     def withdraw(self, names: Collection[str], reason: str) -> None:
-        """Begin no more matches of these entries; those that were not begun are received as void, for this reason."""
+        """Take off the plan what these entries have not begun to play; it is received as void, for this reason."""
 
     def receive(self) -> list[Outcome]:
         """Return the matches that ended meanwhile; wait for some, but only for a moment.
@@ -53,88 +60,150 @@ class OpenVenue(Protocol):
             The venue cannot go on.
         """
 
-    def __enter__(self) -> Self:
-        """Open it."""
-
-    def __exit__(self, *_: object) -> None:
-        """End all that it has started."""
+    def close(self) -> None:
+        """Play no more. What ended before, and was not received yet, `receive` still returns."""
 
 
 def open_venue(name: str, setting: VenueSetting) -> OpenVenue:
-    """Return one of `tournaments.league.league.VENUES`, to be used by `with`; `InputError` if what it needs is not installed."""
+    """Return one of `tournaments.league.league.VENUES` that goes on; `InputError` if what it needs is not installed."""
     if name == "network":
         from tournaments.venues.network import NetworkPit
 
         return NetworkPit(setting)
-    return BatchVenue(find_venue(name), setting)
+    play = find_venue(name)
+    session = getattr(import_module(play.__module__), "session", nullcontext)
+    return BatchVenue(play, setting, session=cast(Session, session))
 
 
 class BatchVenue:
-    """A venue of batches as one that stays open."""
+    """A venue that plays batches, in a thread: each of all that waits when the one before is over.
+
+    Parameters
+    ----------
+    play
+        The venue.
+    setting
+        Its entries are known from the beginning.
+    session
+        What the venue is to stay within, from its first batch to its last.
+    """
 
     address: Address | None = None
     present: frozenset[str] = frozenset()
     failing: frozenset[str] = frozenset()
 
-    def __init__(self, play: Venue, setting: VenueSetting) -> None:
-        self._play, self._setting = play, setting
-        self._fighters: dict[str, Fighter] = dict(setting.fighters)
-        self._waiting: deque[MatchPlan] = deque()
-        self._withdrawn: list[Outcome] = []
-        self._ended: SimpleQueue[Outcome] = SimpleQueue()
-        self._thread = ThreadPoolExecutor(1, "batch")
-        self._batch: Future[None] | None = None
+    def __init__(self, play: Venue, setting: VenueSetting, *, session: Session = nullcontext) -> None:
+        self._play, self._setting, self._session = play, setting, session
+        self._fighters: dict[str, Fighter] = {}
+        self._left: dict[str, MatchPlan] = {}
+        self._waiting: dict[str, MatchPlan] = {}
+        """Those that no batch holds yet; changed under `_changed`, as all that the thread looks at."""
+        self._changed = Condition()
+        self._is_closed = False
+        self._ended: SimpleQueue[Outcome | BaseException] = SimpleQueue()
+        self._failure: BaseException | None = None
+        self._thread = Thread(target=self._run, name="plays batches", daemon=True)
+        self.add(setting.fighters, ())
 
     def __enter__(self) -> Self:
+        self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._waiting.clear()
-        self._thread.shutdown()
+        self.close()
+
+    @property
+    def n_left(self) -> int:
+        """Matches that were added and have not ended."""
+        return len(self._left)
 
     def add(self, entries: Mapping[str, Fighter], plans: Sequence[MatchPlan]) -> None:
-        """Let entries in, and play matches in the next batch."""
+        """Let entries in, by label, and put matches at the end of the plan.
+
+        Raises
+        ------
+        InputError
+            The file of a fighter cannot be read, or one joins by itself, which it can only do in a pit.
+        ValueError
+            A match is on the plan already, or of an entry that is not known.
+        """
         for name, fighter in entries.items():
             if fighter.public_key is not None:
-                raise InputError(f"{name} joins by itself, and can only come to the venue network")
-        self._fighters |= entries
-        self._waiting.extend(plans)
-        self._begin()
+                raise InputError(f'{name} joins by itself, and who does can only come to venue = "network"')
+        for plan in plans:
+            if plan.identity in self._left:
+                raise ValueError(f"match {plan.identity} is on the plan already")
+            if not {plan.blue, plan.red} <= {*entries, *self._fighters}:
+                raise ValueError(f"match {plan.identity} is played by one who is no entry of this venue")
+        frozen = freeze({name: fighter for name, fighter in entries.items() if name not in self._fighters})
+        with self._changed:
+            self._fighters |= frozen
+            self._waiting |= {plan.identity: plan for plan in plans}
+            self._left |= {plan.identity: plan for plan in plans}
+            self._changed.notify()
 
     def withdraw(self, names: Collection[str], reason: str) -> None:
-        """Take what waits for the next batch off it; what is in one is played."""
-        gone = [plan for plan in self._waiting if plan.blue in names or plan.red in names]
-        self._waiting = deque(plan for plan in self._waiting if plan not in gone)
-        result = MatchResult(ending=Termination.VOID, winner=None, score=0, ticks=0, reason=reason)
-        self._withdrawn += [Outcome.of(plan, result, {team: SeatOutcome() for team in Team}) for plan in gone]
+        """Take off the plan what these entries have not begun to play; it is received as void, for this reason."""
+        with self._changed:
+            gone = [plan for plan in self._waiting.values() if plan.blue in names or plan.red in names]
+            for plan in gone:
+                del self._waiting[plan.identity]
+        for plan in gone:
+            self._ended.put(Outcome.void(plan, reason))
 
     def receive(self) -> list[Outcome]:
-        """Return the matches that ended meanwhile."""
-        is_done = self._batch is not None and self._batch.done()
-        ended, self._withdrawn = self._withdrawn, []
-        with suppress(Empty):
-            while True:
-                ended.append(self._ended.get(timeout=0 if ended or is_done else _POLL_S))
-        if is_done and self._batch is not None:
-            self._batch.result()
-            self._batch = None
-            self._begin()
-        return ended
+        """Return the matches that ended meanwhile; wait for some, but only for a moment.
 
-    def _begin(self) -> None:
-        if self._batch is not None or not self._waiting:
-            return
-        plans = list(self._waiting)
-        self._waiting.clear()
-        names = {name for plan in plans for name in (plan.blue, plan.red)}
-        fighters = {name: self._fighters[name] for name in names}
-        setting = replace(
-            self._setting,
-            entries={name: one.spec for name, one in fighters.items()},
-            sandboxes={name: one.sandbox for name, one in fighters.items() if one.sandbox is not None},
-        )
-        self._batch = self._thread.submit(self._run, setting, plans)
+        Raises
+        ------
+        BaseException
+            What the venue raised, once all that ended before was received.
+        """
+        if self._failure is not None:
+            raise self._failure
+        outcomes: list[Outcome] = []
+        while self._failure is None:
+            try:
+                ended = self._ended.get(timeout=0 if outcomes or self._is_closed else _WAIT_S)
+            except Empty:
+                break
+            if not isinstance(ended, Outcome):
+                self._failure = ended
+            elif self._left.pop(ended.identity, None) is not None:
+                outcomes.append(ended)
+        if self._failure is not None and not outcomes:
+            raise self._failure
+        return outcomes
 
-    def _run(self, setting: VenueSetting, plans: Sequence[MatchPlan]) -> None:
-        for outcome in self._play(setting, plans):
-            self._ended.put(outcome)
+    def close(self) -> None:
+        """Begin nothing more, and wait for the next match that ends; others that are played are given up."""
+        with self._changed:
+            self._is_closed = True
+            self._changed.notify()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            with self._session():
+                for setting, plans in self._batches():
+                    with closing(cast("Generator[Outcome]", self._play(setting, plans))) as outcomes:
+                        for outcome in outcomes:
+                            self._ended.put(outcome)
+                            if self._is_closed:
+                                return
+        except BaseException as error:  # noqa: BLE001 - raised anew by whoever receives
+            self._ended.put(error)
+
+    def _batches(self) -> Iterator[tuple[VenueSetting, list[MatchPlan]]]:
+        """Yield what to play next, with a setting that knows who plays it."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._waiting or self._is_closed)
+                if self._is_closed:
+                    return
+                plans = list(self._waiting.values())
+                self._waiting.clear()
+                fighters = {name: self._fighters[name] for name in {name for one in plans for name in (one.blue, one.red)}}
+            sandboxes = {name: one.sandbox for name, one in fighters.items() if one.sandbox is not None}
+            yield replace(self._setting, entries={n: one.spec for n, one in fighters.items()}, sandboxes=sandboxes), plans

@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -76,6 +77,8 @@ class _Absence:
 
 
 _TRUSTED = Sandbox(has_wall=False, limits=NO_LIMITS)
+_MOST_LOG_BYTES, _KEPT_LOG_BYTES = 2 << 20, 1 << 19
+"""A fighter may print so much each time its client starts, which it does thousands of times in a season."""
 
 
 class ClientProcess:
@@ -129,6 +132,7 @@ class ClientProcess:
         self._alive.unlink(missing_ok=True)
         environment = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ARENA_CONFIG"))}
         environment |= {"HOME": str(self._home), "NUMBA_CACHE_DIR": str(cache_root())}
+        _shorten(self._log)
         with self._log.open("ab") as log:
             self._started = SandboxedProcess(self._command, _TRUSTED, environment, cwd=self._home, log=log)
 
@@ -204,6 +208,18 @@ class ClientProcess:
             return self._restarts.failure_message() if time.monotonic() > self._away.give_up_at_s else ""
         self.start()
         return ""
+
+
+def _shorten(log: Path) -> None:
+    """Keep the end of a log that has grown too long."""
+    with suppress(FileNotFoundError):
+        if log.stat().st_size > _MOST_LOG_BYTES:
+            with log.open("r+b") as file:
+                file.seek(-_KEPT_LOG_BYTES, os.SEEK_END)
+                end = file.read()
+                file.seek(0)
+                file.write(end)
+                file.truncate()
 
 
 def entry_key_path(setting: VenueSetting, name: str) -> Path:

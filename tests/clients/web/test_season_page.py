@@ -40,7 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> Path:
         keep_table(store, league, deadline_s=time.time() + 2 * 86_400, n_waiting=1, new={"cid.2"})
         submit(store, league, "ann", ANN.fingerprint, SECRET)
         submit(store, league, "ann", ANN.fingerprint)
-        [last] = store.last_matches(league, ["ann.2"], 1)
+        [last] = store.matches_of(league, ["ann.2"], 1)
     journals = folder / "journals" / "course"
     journals.mkdir(parents=True)
     (journals / journal_name(last.identity)).write_bytes(data)

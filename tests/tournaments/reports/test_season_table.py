@@ -2,6 +2,7 @@
 
 import json
 
+from tournaments.league.season import Phase
 from tournaments.ratings.rate import Rating
 from tournaments.ratings.standings import Record, Standing
 from tournaments.reports.season_table import as_season_table, describe_season
@@ -20,7 +21,7 @@ def standing(label: str, rank: int, **more: int) -> Standing:
 
 def test_a_season_is_described_as_json_holds_it_and_the_page_shows_entries_and_their_versions() -> None:
     document = describe_season(
-        "course", [standing("ann.2", 1, forfeits=1), standing("bob", 2)], phase="open", deadline_s=86_400.0,
+        "course", [standing("ann.2", 1, forfeits=1), standing("bob", 2)], phase=Phase.OPEN, deadline_s=86_400.0,
         new={"bob"}, n_matches=40, n_waiting=3, n_playing=2, now_s=7.0,
     )  # fmt: skip
     kept = json.loads(json.dumps(document))

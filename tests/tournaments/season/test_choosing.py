@@ -109,11 +109,8 @@ def test_a_newcomer_among_forty_is_known_after_few_pairs(size: Callable[[int, in
     assert ours.mean() < 0.9 * random.mean()
 
 
-@pytest.mark.parametrize("other", [at_random, of_nearest_ratings])
-def test_the_order_of_forty_is_nearer_the_truth_than_after_as_many_other_pairs(
-    other: Choice, size: Callable[[int, int], int]
-) -> None:
-    found: dict[Choice, list[float]] = {by_what_tells_most: [], other: []}
+def test_the_order_of_forty_is_nearer_the_truth_than_after_as_many_other_pairs(size: Callable[[int, int], int]) -> None:
+    found: dict[Choice, list[float]] = {by_what_tells_most: [], at_random: [], of_nearest_ratings: []}
     for seed in range(size(6, 50)):
         for choose, orders in found.items():
             rng = np.random.default_rng(seed)
@@ -122,8 +119,8 @@ def test_the_order_of_forty_is_nearer_the_truth_than_after_as_many_other_pairs(
                 league.play(choose(league, 20, rng), rng)
             orders.append(league.order())
 
-    ours, theirs = (np.mean(orders) for orders in found.values())
-    assert ours > theirs + 0.005
+    ours, *theirs = (np.mean(orders) for orders in found.values())
+    assert ours > max(theirs) + 0.005
 
 
 def test_the_pair_that_is_chosen_is_the_one_after_which_a_newcomer_is_known_best() -> None:

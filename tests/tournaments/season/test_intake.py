@@ -56,7 +56,6 @@ def test_what_passes_its_check_is_the_version_that_plays(season: Season) -> None
     assert version.fingerprint == digest_of(packed)
     assert fighter_in(season.folder / version.spec).endswith(f"/submissions/{digest_of(packed)}/bot.py")
     assert season.kept() == [digest_of(packed)]
-    assert season.n_changes == 1
 
 
 def bot(code: str) -> bytes:
@@ -127,6 +126,28 @@ def test_a_submission_that_was_withdrawn_during_its_check_does_not_play(season: 
     assert intake.check_next()
     assert [(given.state, given.says) for given in season.store.submissions(season.row)] == [(REFUSED, "it was withdrawn")]
     assert season.kept() == []
+
+
+def test_one_that_is_withdrawn_as_its_check_ends_does_not_play_and_can_come_again(
+    season: Season, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = submit(season, pack())
+    intake = season.intake()
+    true_enter = season.submitted.enter
+
+    def enter(folder: Path, digest: str) -> str:
+        season.store.refuse(season.row, one, "it was withdrawn")
+        submit(season, pack())
+        return true_enter(folder, digest)
+
+    monkeypatch.setattr(season.submitted, "enter", enter)
+
+    assert intake.check_next()
+    assert [given.state for given in season.store.submissions(season.row)] == [REFUSED, WAITING]
+    assert season.store.find_entry(season.row, "ann") is None
+    monkeypatch.undo()
+    assert intake.check_next()
+    assert [given.state for given in season.store.submissions(season.row)] == [REFUSED, ACCEPTED]
 
 
 CHECKING = """

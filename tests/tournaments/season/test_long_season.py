@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pretended_season import PretendedSeason
 
-from tournaments.season.phases import Phase
+from tournaments.league.season import Phase
 
 IS_FULL = os.environ.get("ARENA_TEST_SIZE") == "full"
 N_DAYS, N_ENTRIES, N_MATCHES_A_DAY = (1_000, 200, 60) if IS_FULL else (12, 12, 60)

@@ -9,12 +9,15 @@ from outcomes import ended
 from pretended_season import LEAGUE, PretendedSeason
 
 from arena.records.plan import LeagueMatchId, MatchPlan
-from tournaments.league.season import SeasonTerms
+from tournaments.league.season import Phase, SeasonTerms
+from tournaments.league.versions import entry_of
 from tournaments.outcome import Outcome
 from tournaments.running.scheduler import Folders
-from tournaments.season.final import play_final
-from tournaments.season.phases import Phase, find_phase
+from tournaments.season.final import make_final, play_final
+from tournaments.season.phases import find_phase
+from tournaments.season.results import Results
 from tournaments.season.runner import MOST_UNDER_WAY, MOST_VOID, MOST_WHEN_BUSY, REST_ELO, SUSPENSION_S
+from tournaments.season.table import rate_season
 from tournaments.venues.setting import EntryLostError, VenueSetting
 
 ELO = {"rush": 100.0, "patrol": 0.0, "random": -100.0}
@@ -29,12 +32,12 @@ def season(store_url: str, tmp_path: Path) -> Iterator[PretendedSeason]:
 
 def play(season: PretendedSeason, n: int) -> int:
     """Play until `n` more matches are counted, or nothing is left to be known; return how many were."""
-    counted = 0
-    while counted < n:
+    counted = n_idle = 0
+    while counted < n and n_idle < 2:
         season.now_s += 10
-        counted += (new := len(season.runner.step(Phase.OPEN)))
-        if not new and not season.runner.n_under_way:
-            break
+        new = len(season.runner.step(Phase.OPEN))
+        counted += new
+        n_idle = 0 if new or season.runner.n_under_way else n_idle + 1
     return counted
 
 
@@ -60,6 +63,27 @@ def test_a_newcomer_plays_first_until_it_is_known(season: PretendedSeason) -> No
 
     met = [LeagueMatchId.parse(identity) for identity in season.venue.given]
     assert sum(label in (match.one, match.other) for match in met) > 0.8 * len(met)
+
+
+def test_two_of_one_owner_never_meet(season: PretendedSeason) -> None:
+    for name in ("ann", "bob"):
+        season.submit(name, name, 0.0, owner="one key")
+    play(season, 60)
+
+    assert season.runner.results.record("ann").n_matches > 0
+    assert season.runner.results.n_between("ann", "bob") == 0
+
+
+def test_a_new_version_is_rated_by_what_it_shares_with_the_one_before_it() -> None:
+    before, now = [f"e{number}" for number in range(8)], [f"e{number}.2" for number in range(8)]
+    counts = {(one, other): (90, 20, 90) for one in before for other in before if one != other}
+    counts |= {(one, other): (2, 0, 2) for one in now for other in before if entry_of(one) != other}
+    results = Results(counts, (), {})
+
+    apart, linked = (rate_season(results, now, follows) for follows in ((), list(zip(before, now, strict=True))))
+
+    widths = [table.ratings["e0.2"].elo_high - table.ratings["e0.2"].elo_low for table in (apart, linked)]
+    assert widths[1] < 0.8 * widths[0]
 
 
 def test_when_everybody_is_known_it_rests_until_something_changes(season: PretendedSeason) -> None:
@@ -101,8 +125,15 @@ def test_matches_whose_journal_was_begun_are_taken_up_again(season: PretendedSea
 
     season.open()
 
-    assert sorted(season.venue.given) == ["course/patrol/rush/0007/patrol-blue/0", "course/patrol/rush/0007/rush-blue/0"]
+    begun = ["course/patrol/rush/0007/patrol-blue/0", "course/patrol/rush/0007/rush-blue/0"]
+    assert sorted(season.venue.given) == begun
     assert season.runner.results.take_pair("patrol", "rush") == 8
+    season.submit("ann", "d1", 0.0)
+    season.submit("ann", "d2", 0.0)
+    (journals / "course+ann+rush+0000+ann-blue+0.journal").touch()
+    season.venue.given.clear()
+    season.open()
+    assert sorted(season.venue.given) == begun, "a version that plays no more is called"
 
 
 def test_a_new_version_takes_the_place_of_the_old_one_whose_results_and_rating_stay(season: PretendedSeason) -> None:
@@ -117,6 +148,7 @@ def test_a_new_version_takes_the_place_of_the_old_one_whose_results_and_rating_s
     ratings = season.runner.table.ratings
     assert set(ratings) == {"ann.2", "patrol", "random", "rush"}
     assert ratings["ann.2"].rank == 1
+    assert season.runner.roster.follows == (("ann", "ann.2"),)
     [kept] = [one.rating for one in season.store.versions(season.row) if one.label == "ann"]
     assert kept is not None
     assert kept["matches"] == n_of_first > 0
@@ -135,6 +167,7 @@ def test_whoever_goes_back_to_earlier_code_is_known_at_once(season: PretendedSea
     season.runner.step(Phase.OPEN, may_choose=False)
 
     assert width(season, first) < before * 1.2
+    assert season.runner.roster.fighters[first].spec == str(season.folder / "submissions/d1/bot.py")
 
 
 def test_a_version_whose_matches_are_void_again_and_again_disturbs_nobody(season: PretendedSeason) -> None:
@@ -180,6 +213,50 @@ def test_after_some_time_what_was_void_is_played_again(season: PretendedSeason) 
     season.now_s += SUSPENSION_S
 
     assert play(season, 50) >= 50
+
+
+def test_a_match_that_was_void_once_is_played_again(season: PretendedSeason) -> None:
+    season.venue.broken, season.venue.most = set(ELO), 1
+    season.runner.step(Phase.OPEN)
+    season.venue.broken, season.venue.most = set(), MOST_UNDER_WAY
+
+    [(void, n_given), *_] = Counter(season.venue.given).most_common(1)
+    play(season, 1)
+
+    assert n_given == 2
+    assert void in season.store.identities(season.row)
+
+
+def test_the_table_says_who_forfeited_and_of_whom_little_is_known(season: PretendedSeason) -> None:
+    season.venue.forfeiting = {"random"}
+    season.runner.step(Phase.OPEN)
+    while season.runner.n_under_way:  # no time passes
+        season.runner.step(Phase.OPEN, may_choose=False)
+    season.submit("ann", "d1", 0.0)
+
+    for _ in range(2):
+        season.runner.step(Phase.OPEN, may_choose=False)
+        table = season.store.standings(season.row)
+        assert table is not None
+        forfeits = {row["label"]: row["forfeits"] for row in table["rows"]}
+        assert forfeits == {"ann": 0, "patrol": 0, "random": season.runner.results.record("random").losses, "rush": 0}
+        assert forfeits["random"] > 0
+        assert table["matches"] == season.runner.results.n_matches
+        assert [row["is_new"] for row in table["rows"]] == [row["elo_high"] - row["elo_low"] > 100 for row in table["rows"]]
+        season.open()
+
+
+def test_what_is_under_way_is_not_chosen_as_if_it_were_not(season: PretendedSeason) -> None:
+    journals = season.folder / "journals"
+    journals.mkdir()
+    for pair in range(5):
+        (journals / f"course+patrol+rush+{pair:04}+patrol-blue+0.journal").touch()
+    season.venue.most = 0
+    season.open()
+    season.runner.step(Phase.OPEN)
+
+    assert season.runner.n_under_way == MOST_UNDER_WAY
+    assert sum("/patrol/rush/" in identity for identity in season.venue.given) < MOST_UNDER_WAY / 2
 
 
 def test_versions_that_go_and_come_back_before_they_could_play_keep_nobody_from_playing(season: PretendedSeason) -> None:
@@ -275,17 +352,33 @@ def test_the_public_table_stands_still_while_the_season_is_frozen(season: Preten
     assert before is not None
     assert frozen is not None
     assert frozen["rows"] == before["rows"]
+    assert frozen["matches"] == before["matches"] < season.runner.results.n_matches
     assert (before["phase"], frozen["phase"]) == ("open", "frozen")
+
+
+def test_the_final_is_a_league_of_who_plays_now_with_strangers_behind_walls_and_a_secret_of_its_own(
+    season: PretendedSeason,
+) -> None:
+    for name, digest in (("ann", "d1"), ("bob", "d2"), ("ann", "d3")):
+        season.submit(name, digest, 0.0)
+    bob = season.store.find_entry(season.row, "bob")
+    assert bob is not None
+    season.store.withdraw(season.row, bob)
+
+    final = make_final(LEAGUE, season.open().roster)
+
+    assert list(final.entries) == ["ann", "patrol", "random", "rush"]
+    assert final.entries["ann"] == str(season.folder / "submissions/d3/bot.py")
+    assert final.sandboxes == {"ann": LEAGUE.strangers_sandbox}
+    assert (final.name, final.n_pairs, final.seed, final.secret, final.season) == ("course-final", 10, None, None, None)
 
 
 def test_phases_follow_the_terms_and_the_final_waits_for_what_came_in_time() -> None:
     terms = SeasonTerms(deadline_s=100.0, freeze_s=50.0)
-    at = [(0.0, 0, False), (60.0, 0, False), (101.0, 2, False), (101.0, 0, False), (101.0, 0, True)]
+    at = [(0.0, 0), (60.0, 0), (101.0, 2), (101.0, 0)]
 
-    assert [find_phase(terms, now_s, n_waiting=n, is_closed=closed).value for now_s, n, closed in at] == [
-        "open", "frozen", "frozen", "final", "over",
-    ]  # fmt: skip
-    assert find_phase(SeasonTerms(), 1e12, n_waiting=0, is_closed=False) is Phase.OPEN
+    assert [find_phase(terms, now_s, n_waiting=n).value for now_s, n in at] == ["open", "frozen", "frozen", "final"]
+    assert find_phase(SeasonTerms(), 1e12, n_waiting=0) is Phase.OPEN
 
 
 def test_the_final_is_played_without_whoever_does_not_come_and_its_secret_is_known_then(

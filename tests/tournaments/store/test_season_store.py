@@ -6,7 +6,7 @@ import pytest
 from outcomes import ended
 
 from arena.game.types import Team
-from tournaments.store.season_store import ACCEPTED, REFUSED, WAITING, SeasonStore, Submission
+from tournaments.store.season_store import ACCEPTED, REFUSED, WAITING, SeasonStore, Submission, WithdrawnError
 from tournaments.store.store import StoredLeague, StoreError
 
 DEFINITION = {"ruleset": "paper", "rules": "1", "entries": {"rush": "rush"}, "clock": {}, "season": True, "secret": "s"}
@@ -56,6 +56,11 @@ def test_a_submission_waits_and_becomes_a_version_or_is_refused(store: SeasonSto
     assert (refused.state, refused.says, refused.number) == (REFUSED, "it dies in tick 3", None)
     assert (accepted.state, accepted.report, accepted.number) == (ACCEPTED, {"p99": 2}, 1)
     assert current(store) == ["ann", "rush"]
+    with pytest.raises(WithdrawnError, match="ann was withdrawn"):
+        store.accept(season, one, spec="d1/bot.py", says="it plays", report=None, now_s=5.0)
+    store.refuse(season, other, "it was withdrawn")
+    assert [given.state for given in store.submissions(season)] == [REFUSED, ACCEPTED]
+    assert current(store) == ["ann", "rush"]
 
 
 def test_versions_are_numbered_and_code_that_was_played_before_is_the_version_that_it_was(
@@ -79,7 +84,7 @@ def test_an_entry_goes_back_and_is_withdrawn_and_its_results_stay(store: SeasonS
     assert current(store) == ["rush"]
 
     assert store.count_results(season) == {("rush", "ann.2"): (0, 0, 1)}
-    assert [one.red for one in store.last_matches(season, ["ann", "ann.2"], 5)] == ["ann.2"]
+    assert [one.red for one in store.matches_of(season, ["ann", "ann.2"], 5)] == ["ann.2"]
 
 
 def test_submissions_that_came_before_the_first_match_outlive_a_restart(store: SeasonStore, season: StoredLeague) -> None:
