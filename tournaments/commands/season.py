@@ -34,9 +34,9 @@ def open_season(
     ] = "",
     as_json: AsJson = False,
 ) -> None:
-    """Take submissions and play them until the season is over. Stopped at any moment, it goes on from there.
+    r"""Take submissions and play them until the season is over. Stopped at any moment, it goes on from there.
 
-    The file is a league's with a table [season]. Authors submit with `arena submit BOT --to ADDRESS`, at the address that is
+    The file is a league's with a table \[season]. Authors submit with `arena submit BOT --to ADDRESS`, at the address that is
     printed first. With --json, each line on stderr is a JSON object: an "event" (open, phase, versions, match, stopped) and its
     facts.
     """
@@ -148,16 +148,20 @@ def show_seasons(
     with SeasonStore(db or str(data_folder(data) / "arena.db"), make=False) as store:
         rows = [store.get(name)] if name else store.leagues()
         tables = {row.name: store.standings(row) for row in rows if row.is_season}
+        secrets = {row.name: row.secret.hex() for row in rows if row.secret is not None}
     if name and name not in tables:
         raise InputError(f"{name} is a league; show it by: arena tournament report {name}")
     if as_json:
-        print_json(tables.get(name) if name else [{"season": one, **(table or {})} for one, table in tables.items()])
+        told = [{"season": one, **(table or {}), "secret": secrets.get(one)} for one, table in tables.items()]
+        print_json(told[0] if name else told)
     elif name:
         table = tables[name]
         if table is None:
             raise InputError(f"season {name} has no table yet")
         print_table(*as_text_table(table["rows"]))
         say(f"season {name}: {table['phase']}, {table['matches']:,} matches, {table['waiting']} submissions wait")
+        if name in secrets:
+            say(f"all its maps and fights follow from the secret {secrets[name]}")
     else:
         print_table(
             ("season", "phase", "entries", "matches", "waiting"),

@@ -50,13 +50,16 @@ class Seasons:
     def season(self, name: str) -> dict[str, Any]:
         """Return the table of a season as it was kept last, its rows as `leaderboard`, and its `final` once that has begun."""
         with self._open() as store:
-            document = store.standings(_find(store, name))
+            league = _find(store, name)
+            document = store.standings(league)
             final = store.find(name + FINAL_SUFFIX)
         if document is None:
             return {"season": name, "leaderboard": None}
         facts = {key: value for key, value in document.items() if key != "rows"}
         if final is not None and facts["phase"] in (Phase.FINAL, Phase.OVER):
             facts["final"] = final.name
+        if league.secret is not None:
+            facts["secret"] = league.secret.hex()
         return {**facts, "leaderboard": as_season_table(document["rows"])}
 
     def entry(self, name: str, entry: str) -> dict[str, Any]:

@@ -157,7 +157,7 @@ class Season:
             store, self.row, terms, folder, self._folders.journals(league.name),
             Register(self._folder / "register.json", invites),
             clock=self._clock, on_submission=intake.wake, describe=self._describe_entry,
-            why_not_remote=_why_not_remote(league, venue),
+            why_not_remote=why_not_remote(league, venue),
         )  # fmt: skip
         address = Address(endpoint=terms.submissions, pit=league.name, fingerprint=identity.fingerprint)
         with open_router(address.endpoint, address.pit) as session, intake, Desk(session, league.name, identity, owners) as desk:
@@ -254,10 +254,12 @@ class Season:
         self.state.n_waiting, self.state.looked_at_s = runner.n_waiting, time.monotonic()
 
 
-def _why_not_remote(league: League, venue: str) -> str:
+def why_not_remote(league: League, venue: str) -> str:
     """Return why no entry of a season can join by itself, or nothing."""
     if venue != "network":
         return "this season plays where nobody joins by itself; submit the bot without --remote"
+    if not league.listen:
+        return "this season has no address at which entries join by themselves; submit the bot without --remote"
     if league.maps != "fresh":
         return "this season plays each map twice, which who joins by itself may remember; submit the bot without --remote"
     return ""

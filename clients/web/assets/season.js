@@ -49,13 +49,14 @@ export function show(main, season) {
   setInterval(count, 1000);
 }
 
-function describe({ matches, playing, waiting, made_at, final }, deadline) {
+function describe({ matches, playing, waiting, made_at, final, secret }, deadline) {
   const rows = [
     ["Deadline", deadline ? [time(deadline)] : ["none"], "deadline"],
     ["Matches", [`${matches} played, ${playing} running`]],
     ["Submissions", [`${waiting} ${waiting === 1 ? "waits" : "wait"} for a check`]],
     ["As of", [time(made_at)]],
     ...(final ? [["Final", [h("a", { href: `/league?${new URLSearchParams({ name: final })}` }, final)]]] : []),
+    ...(secret ? [["Secret of all maps", [secret]]] : []),
   ];
   return rows.flatMap(([name, value, kind]) => [h("dt", {}, name), h("dd", { class: kind }, ...value)]);
 }

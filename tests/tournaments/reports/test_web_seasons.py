@@ -81,6 +81,9 @@ def test_a_season_names_its_final_once_that_has_begun(data: Path, seasons: Seaso
     assert "final" not in seasons.season("course")
     change(data, lambda store, league: keep_table(store, league, phase="final"))
     assert seasons.season("course")["final"] == "course-final"
+    assert "secret" not in seasons.season("course")
+    change(data, lambda store, league: store.close(league, bytes(32)))
+    assert seasons.season("course")["secret"] == "00" * 32
 
 
 def test_a_season_that_has_not_begun_has_no_table(tmp_path: Path) -> None:

@@ -92,6 +92,7 @@ def test_a_season_that_is_killed_loses_nothing_and_ends_with_its_final(season: O
         match = LeagueMatchId.parse(header.identity)
         assert header.keys.map_key == derive_map_key(final.secret, match.fixture, match.pair)
     assert "open-course" in here("season", "status", "--data", season.data).stdout
+    assert f"from the secret {row.secret.hex()}\n" in here("season", "status", "open-course", "--data", season.data).stdout
     assert here("leaderboard", "--league", "open-course-final", "--data", season.data).returncode == 0
     again = here("season", "open", season.file, "--data", season.data)
     assert (again.returncode, again.stdout.split()[-1]) == (0, "over")

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from tournaments.season.final import make_final, play_final
 from tournaments.season.phases import find_phase
 from tournaments.season.results import Results
 from tournaments.season.runner import MOST_UNDER_WAY, MOST_VOID, MOST_WHEN_BUSY, REST_ELO, SUSPENSION_S
+from tournaments.season.service import why_not_remote
 from tournaments.season.table import rate_season
 from tournaments.venues.setting import EntryLostError, VenueSetting
 
@@ -407,3 +409,11 @@ def test_the_final_is_played_without_whoever_does_not_come_and_its_secret_is_kno
     assert final.secret is not None
     assert list(play_final(LEAGUE, season.runner.roster, season.store, folders, play, is_stopped=lambda: False)) == []
     assert len(tried) == 1
+
+
+def test_remote_entries_are_refused_where_nobody_can_join() -> None:
+    fresh = replace(LEAGUE, maps="fresh")
+
+    assert "no address" in why_not_remote(fresh, "network")
+    assert "nobody joins" in why_not_remote(replace(fresh, listen="tcp/127.0.0.1:1"), "local")
+    assert not why_not_remote(replace(fresh, listen="tcp/127.0.0.1:1"), "network")
