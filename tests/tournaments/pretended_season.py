@@ -26,6 +26,7 @@ random = "random"
 """
 LEAGUE = parse_league(FILE, "course", Path())
 SECRET = bytes(32)
+N_CORES = 2
 DEFINITION = {**LEAGUE.definition, "secret": "s"}
 
 
@@ -99,7 +100,7 @@ class PretendedSeason:
         self.row = self.store.open_season("course", DEFINITION, self.now_s)
         self.runner = SeasonRunner(
             LEAGUE, self.store, self.row, SECRET, self.venue, folder=self.folder, journals=self.folder / "journals",
-            clock=lambda: self.now_s, rng=np.random.default_rng(1),
+            clock=lambda: self.now_s, rng=np.random.default_rng(1), n_cores=N_CORES,
         )  # fmt: skip
         return self.runner
 
