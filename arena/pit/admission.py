@@ -84,7 +84,8 @@ class Admission:
 
     def receive(self, pending: PendingRequest, request: JoinRequest, now_s: float) -> list[Effect]:
         """Seat an entry, or let it wait, or refuse it."""
-        refusal = object_to(request, self._ruleset) or self._register.object_to(request)
+        has_versions = self._seating.has_versions
+        refusal = object_to(request, self._ruleset, has_versions=has_versions) or self._register.object_to(request)
         if refusal:
             return [pending.reply(Refusal(reason=refusal))]
         self._register.admit(request)

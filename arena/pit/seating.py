@@ -28,6 +28,8 @@ class Seating(Protocol):
 
     plays_maps_once: bool = False
     """Whether no map is played a second time; only then may boards of matches that run be shown to everyone."""
+    has_versions: bool = False
+    """Whether entries play under labels, as mine.2. Where anyone may play, such a name would pass for another's."""
 
     def place(self, slot: SlotId, request: JoinRequest, now_s: float) -> Pairing | Wait | Refusal | Closed:
         """Take a request, perhaps one that was taken before; a pairing may hold other slots that waited."""
@@ -58,7 +60,7 @@ class Seating(Protocol):
         """Whether no match will begin any more."""
 
 
-def object_to(request: JoinRequest, ruleset: Ruleset) -> str:
+def object_to(request: JoinRequest, ruleset: Ruleset, *, has_versions: bool) -> str:
     """Return why a request cannot be met whatever seats are free, or nothing."""
     if request.rules_version != RULES_VERSION:
         return f"the client knows version {request.rules_version} of the rules, the pit {RULES_VERSION}; install the same"
@@ -67,7 +69,8 @@ def object_to(request: JoinRequest, ruleset: Ruleset) -> str:
         return f"the pit plays ruleset {ruleset.name} ({ours}), the client wants {theirs}"
     if request.team not in ("red", "blue", "any"):
         return f"there is no team {request.team!r}; red, blue or any"
-    if not topics.is_label(request.name) or not topics.is_chunk(request.client):
+    is_name = topics.is_label if has_versions else topics.is_chunk
+    if not is_name(request.name) or not topics.is_chunk(request.client):
         return "a name is 1 to 64 letters, digits, - or _"
     if request.version and not topics.is_chunk(request.version):
         return "a version is 1 to 64 letters, digits, - or _"
@@ -151,6 +154,8 @@ class PlannedSeating(Seating):
     is_open
         Whether matches and entries may yet be added. An entry whose matches have all begun waits then for more, until `finish`.
     """
+
+    has_versions = True
 
     def __init__(self, plans: Iterable[MatchPlan] = (), *, is_open: bool = False) -> None:
         self._plans: list[MatchPlan] = []

@@ -46,6 +46,7 @@ class PretendedVenue:
         self.waits_for: set[str] = set()
         """Whose matches do not begin unless they are withdrawn."""
         self.present: frozenset[str] = frozenset()
+        self.failing: frozenset[str] = frozenset()
         self.known: set[str] = set()
 
     def add(self, entries: Mapping[str, Fighter], plans: Sequence[MatchPlan]) -> None:

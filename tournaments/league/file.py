@@ -22,7 +22,7 @@ from policies.program import PREFIX as PROGRAM
 from policies.registry import names
 from tournaments.league.entries import find_program, kind_of_file, name_of, public_key_of
 from tournaments.league.league import BOUNDS, DEFAULT_TERMS, MAPS, PAIRINGS, VENUES, League, LeagueError
-from tournaments.league.season import SeasonTerms, parse_terms
+from tournaments.league.season import SeasonTerms, most_name_letters, parse_terms
 from tournaments.ratings.sprt import Sprt
 
 LEAGUES = ("starter", "fighters", "fighters-gym-cap")
@@ -102,6 +102,9 @@ class _Reader:
         season = self._season(folder)
         given = self._given()
         entries = self._entries(given, folder, least=0 if season is not None else 2)
+        longest = max(entries, key=len, default="")
+        if season is not None and len(longest) > (most := most_name_letters(self._name)):
+            raise self._error(f"has an entry {longest}; under the season's name, an entry's may have {most} letters")
         league = League(
             name=self._name,
             ruleset=self._ruleset(folder),

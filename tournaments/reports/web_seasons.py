@@ -171,8 +171,8 @@ def _tell_versions(
     for version in store.versions(league, entry.entry):
         is_shown = row is not None and row["version"] == version.number
         rating = row if is_shown else version.rating
-        if is_frozen and not is_shown and (row is None or version.number > row["version"]):
-            rating = None  # it was rated after the table froze
+        if is_frozen and not is_shown:
+            rating = None  # it may have been rated after the table froze, an earlier one too that was played again
         told.append(
             {
                 "number": version.number,

@@ -21,7 +21,7 @@ from tournaments.authoring.check import OPPONENTS, check
 from tournaments.authoring.findings import Report
 from tournaments.season.submitted import SubmittedFolder
 from tournaments.store.schema import StoreError
-from tournaments.store.season_store import WAITING, SeasonStore, Submission
+from tournaments.store.season_store import WAITING, SeasonStore, Submission, WithdrawnError
 from tournaments.store.store import StoredLeague
 
 logger = logging.getLogger(__name__)
@@ -123,11 +123,14 @@ class Intake:
             finally:
                 self.is_checking = False
             if self._store.submission(self._league, one.id).state != WAITING:
-                self._folder.forget(one.entry, one.digest)
+                self._forget(one)
             elif report is not None and report.is_accepted:
                 spec = self._folder.enter(folder, one.digest)
-                self._store.accept(self._league, one, spec=spec, says=_ACCEPTED, report=_tell(report), now_s=self._clock())
-                self._folder.forget(one.entry, one.digest)
+                try:
+                    self._store.accept(self._league, one, spec=spec, says=_ACCEPTED, report=_tell(report), now_s=self._clock())
+                except WithdrawnError as error:
+                    logger.info("%s", error)
+                self._forget(one)
             else:
                 self._refuse(one, says, None if report is None else _tell(report))
         return True
@@ -135,7 +138,13 @@ class Intake:
     def _refuse(self, one: Submission, says: str, report: Mapping[str, Any] | None) -> None:
         logger.info("a submission of %s was refused: %s", one.entry, says)
         self._store.refuse(self._league, one, says, report)
-        self._folder.forget(one.entry, one.digest)
+        self._forget(one)
+
+    def _forget(self, one: Submission) -> None:
+        """Delete what was checked, unless its owner has withdrawn it and submitted the same again, which waits now."""
+        waiting = self._store.submissions(self._league, state=WAITING, entry=one.entry)
+        if all(other.digest != one.digest for other in waiting):
+            self._folder.forget(one.entry, one.digest)
 
     def _check(self, one: Submission, folder: Path) -> tuple[Report | None, str]:
         """Return what a check finds, if it began, and a sentence for who submitted it."""

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from hashlib import sha256
+from os import SEEK_END
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,12 @@ from arena.protocol.messages import Message, Refusal, SeasonAnswer, SeasonReques
 from arena.protocol.topics import is_chunk
 from arena.submission import unpack
 from tournaments.league.entries import REMOTE
-from tournaments.league.season import SeasonTerms
+from tournaments.league.season import SeasonTerms, most_name_letters
 from tournaments.league.versions import entry_of
 from tournaments.outcome import Outcome
 from tournaments.season.submitted import SubmittedFolder
 from tournaments.season.uploads import Uploads
-from tournaments.store.season_store import WAITING, SeasonEntry, SeasonStore, Submission
+from tournaments.store.season_store import ACCEPTED, WAITING, SeasonEntry, SeasonStore, Submission
 from tournaments.store.store import StoredLeague
 
 logger = logging.getLogger(__name__)
@@ -142,7 +143,7 @@ class OwnerRequests:
         spec = REMOTE + to_text(request.entry)
         digest = sha256(spec.encode()).hexdigest()
         self._check_is_new(request.name, digest)
-        kept = self._submit(request, digest, 0)
+        kept = self._submit(request, digest, 0, ACCEPTED)
         version = self._store.accept(
             self._league, kept, spec=spec, says="it plays from its owner's machine", report=None, now_s=self._clock()
         )
@@ -151,10 +152,11 @@ class OwnerRequests:
         text = f"version {version.number} of {request.name} plays as soon as it joins"
         return SeasonAnswer(text=text, facts={"join": join} if join else {})
 
-    def _submit(self, request: SeasonRequest, digest: str, n_bytes: int) -> Submission:
+    def _submit(self, request: SeasonRequest, digest: str, n_bytes: int, state: str = WAITING) -> Submission:
         return self._store.submit(
-            self._league, entry=request.name, owner=to_text(request.entry), digest=digest, n_bytes=n_bytes, now_s=self._clock()
-        )
+            self._league, entry=request.name, owner=to_text(request.entry), digest=digest, n_bytes=n_bytes, now_s=self._clock(),
+            state=state,
+        )  # fmt: skip
 
     def _check_may_submit(self, request: SeasonRequest) -> None:
         """Refuse whoever may not submit under this name, or not now; tie the invite to who used it."""
@@ -162,6 +164,8 @@ class OwnerRequests:
         owner, name, terms = to_text(request.entry), request.name, self._terms
         if _is_key(name):
             raise InputError("a name must not look like a public key; choose another with --name")
+        if len(name) > (most := most_name_letters(self._league.name)):
+            raise InputError(f"the name {name} is too long; in this season, it may have {most} letters: choose one with --name")
         self._check_invite(request)
         waiting = self._store.submissions(self._league, state=WAITING)
         entries = self._store.entries(self._league)
@@ -251,10 +255,14 @@ class OwnerRequests:
         file = None if entry is None else self._logs / f"{entry.label}.log"
         if file is None or not file.is_file():
             return SeasonAnswer(text=f"{request.name} has no log yet")
-        with file.open("rb") as log:
-            log.seek(max(request.offset, 0, file.stat().st_size - _MOST_LOG_BYTES))
-            data = log.read(_LOG_PIECE_BYTES)
-            return SeasonAnswer(text=file.name, offset=log.tell(), data=data)
+        try:
+            with file.open("rb") as log:
+                end = log.seek(0, SEEK_END)
+                log.seek(min(max(request.offset, 0, end - _MOST_LOG_BYTES), end))
+                data = log.read(_LOG_PIECE_BYTES)
+                return SeasonAnswer(text=file.name, offset=log.tell(), data=data)
+        except OSError as error:
+            raise InputError(f"the log of {request.name} cannot be read: {error.strerror}") from error
 
     def _roll_back(self, request: SeasonRequest, now_s: float) -> Message:
         entry = self._find_playing(request)
@@ -267,10 +275,11 @@ class OwnerRequests:
         return SeasonAnswer(text=f"version {request.number} of {request.name} plays from now on")
 
     def _withdraw(self, request: SeasonRequest, now_s: float) -> Message:
-        entry = self._find_own(request)
-        for one in self._store.submissions(self._league, state=WAITING, entry=request.name):
+        self._find_own(request)
+        for one in self._store.submissions(self._league, state=WAITING, owner=to_text(request.entry), entry=request.name):
             self._store.refuse(self._league, one, "it was withdrawn")
             self._folder.forget(one.entry, one.digest)
+        entry = self._find_own(request)  # what was checked meanwhile may have been accepted before it was refused
         if entry is not None and not entry.is_withdrawn:
             self._store.withdraw(self._league, entry)
         return SeasonAnswer(text=f"{request.name} plays no more; what it played stays, and --roll-back N brings it back")

@@ -43,7 +43,9 @@ REST_ELO = 40.0
 ABSENT_S = 15.0
 """Whoever joins by itself may be away for so long before what it has not begun is given up."""
 MOST_VOID = 4
-"""Void matches of a version without any that counts in between; it is played no more."""
+"""Void matches of a version without any that counts in between; it is not chosen for some time."""
+SUSPENSION_S = 600.0
+"""For so long: what made its matches void, as a full disk does, may have passed."""
 RATE_EVERY_S = 1.0
 """At most; and rating takes no more than the next share of the time."""
 MOST_RATING = 0.1
@@ -85,6 +87,8 @@ class SeasonRunner:
         self.table: Table = rate_season(self.results, self.roster.labels, self.roster.follows)
         self._plans: dict[str, MatchPlan] = {}
         self._n_void: Counter[str] = Counter()
+        self._void_at_s: dict[str, float] = {}
+        """When a match of each of these was void last."""
         self._withdrawn: set[str] = set()
         """Matches that are void for no fault of those who were to play them, unless they had begun."""
         self._absent_since_s: dict[str, float] = {}
@@ -102,8 +106,8 @@ class SeasonRunner:
 
     @property
     def suspended(self) -> list[str]:
-        """The labels that are played no more, since their matches were void again and again."""
-        return sorted(label for label in self.roster.entries if self._n_void[label] >= MOST_VOID)
+        """The labels that are not played for now: their matches were void again and again, or their process cannot live."""
+        return sorted(label for label in self.roster.entries if self._n_void[label] >= MOST_VOID or label in self._venue.failing)
 
     def step(self, phase: Phase, *, may_choose: bool = True, is_busy: bool = False) -> list[Outcome]:
         """Do what is to be done now, and return the matches that were counted.
@@ -118,7 +122,8 @@ class SeasonRunner:
         self._refresh()
         self._take_off_the_absent()
         least, most = (LEAST_WHEN_BUSY, MOST_WHEN_BUSY) if is_busy else (LEAST_UNDER_WAY, MOST_UNDER_WAY)
-        if may_choose and self.n_under_way < least * self._n_cores:
+        self._end_suspensions()
+        if may_choose and len(self._moving) < least * self._n_cores:
             self._choose(most * self._n_cores)
         counted = [outcome for outcome in self._venue.receive() if self._count(outcome)]
         now_s = self._clock()
@@ -206,6 +211,17 @@ class SeasonRunner:
         if gone:
             self._venue.withdraw(gone, "it is not there")
 
+    def _end_suspensions(self) -> None:
+        now_s = self._clock()
+        for label in [label for label, since_s in self._void_at_s.items() if now_s - since_s >= SUSPENSION_S]:
+            del self._void_at_s[label], self._n_void[label]
+
+    @property
+    def _moving(self) -> list[MatchPlan]:
+        """What is under way but for matches that wait for a process which cannot live: they must not keep others waiting."""
+        failing = self._venue.failing
+        return [plan for plan in self._plans.values() if failing.isdisjoint((plan.blue, plan.red))]
+
     def _count(self, outcome: Outcome) -> bool:
         """Store a match that ended; False if it was void, or stored before."""
         plan = self._plans.pop(outcome.identity, None)
@@ -217,13 +233,16 @@ class SeasonRunner:
         if outcome.result.ending is Termination.VOID:
             if self._absent & set(labels):
                 return False
-            if not was_withdrawn:
+            failing = self._venue.failing & set(labels)
+            if not was_withdrawn and not failing:  # else it is known whose fault it is, and its opponent has none
                 self._n_void.update(labels)
-            if all(label in self.roster.entries and self._n_void[label] < MOST_VOID for label in labels):
+                self._void_at_s |= dict.fromkeys(labels, self._clock())
+            if not failing and all(label in self.roster.entries and self._n_void[label] < MOST_VOID for label in labels):
                 self._add([plan])
             return False
         for label in labels:
             self._n_void.pop(label, None)
+            self._void_at_s.pop(label, None)
         if self._store.add(self.row, outcome):
             self.results.add(outcome)
             self._is_rated = False
@@ -242,7 +261,7 @@ class SeasonRunner:
         index = {label: number for number, label in enumerate(labels)}
         under_way = {tuple(LeagueMatchId.parse(identity).pair_id.split("/")[1:]) for identity in self._plans}
         players = [player for player in self.roster.players() if player.label in index]
-        n_wanted = (most - self.n_under_way) // 2
+        n_wanted = (most - len(self._moving)) // 2
         chosen = choose_pairs(
             players, known, n_pairs_of(self.results.table(labels)), n_wanted, self._rng,
             [(index[one], index[other]) for one, other, _ in sorted(under_way) if {one, other} <= index.keys()],
@@ -256,7 +275,7 @@ class SeasonRunner:
     @property
     def _thinking_s(self) -> float:
         """What a turn of all matches that are under way takes together, in seconds of a core."""
-        return sum(self._think_s(plan.blue, plan.red) for plan in self._plans.values())
+        return sum(self._think_s(plan.blue, plan.red) for plan in self._moving)
 
     def _think_s(self, *labels: str) -> float:
         return sum(self.roster.think_s.get(label, 0.0) for label in labels)

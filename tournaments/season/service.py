@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any, Self
 
 import numpy as np
@@ -24,10 +25,10 @@ from tournaments.league.league import League
 from tournaments.league.season import Phase
 from tournaments.league.secret import commit_to, find_secret
 from tournaments.outcome import Outcome
-from tournaments.running.scheduler import Folders, Scheduler
+from tournaments.running.scheduler import Folders
 from tournaments.running.slots import MOST as MOST_SLOTS
 from tournaments.season.desk import Desk
-from tournaments.season.final import make_final
+from tournaments.season.final import play_final
 from tournaments.season.intake import CheckTerms, Intake
 from tournaments.season.owners import OwnerRequests
 from tournaments.season.phases import find_phase
@@ -221,19 +222,17 @@ class Season:
 
     def _play_final(self, venue: str, is_stopped: Callable[[], bool]) -> Iterator[Outcome]:
         """Play the final, and publish the secrets of both."""
-        store = self._store
         self._publish(Phase.FINAL)
-        if self._terms.final_pairs and len(self._roster.entries) > 1:
-            with Scheduler(make_final(self._league, self._roster), store, self._folders) as scheduler:
-                for outcome in scheduler.run(
-                    find_venue(venue), self._events.on_invitation, slots=self._league.slots or MOST_SLOTS
-                ):
-                    self._count(outcome)
-                    yield outcome
-                    if is_stopped():
-                        return
-                store.close(scheduler.row, scheduler.secret)
-        self.row = store.close(self.row, self._secret)
+        self.state.looked_at_s = inf  # it watches over its processes itself, and may wait for some
+        for outcome in play_final(
+            self._league, self._roster, self._store, self._folders, find_venue(venue), is_stopped=is_stopped,
+            on_invitation=self._events.on_invitation,
+        ):  # fmt: skip
+            self._count(outcome)
+            yield outcome
+        if is_stopped():
+            return
+        self.row = self._store.close(self.row, self._secret)
         self._publish(Phase.OVER)
         self._enter_phase(Phase.OVER)
 

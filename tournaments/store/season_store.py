@@ -63,6 +63,10 @@ class Submission:
     """Of the version that it became."""
 
 
+class WithdrawnError(StoreError):
+    """A submission was to play that was refused meanwhile, as its owner's withdrawal does."""
+
+
 class SeasonStore(Store):
     """A store, as seasons see it. Whoever changes a season holds its lock."""
 
@@ -115,11 +119,13 @@ class SeasonStore(Store):
         """Return an entry of a season by its name."""
         return next((one for one in self.entries(league) if one.entry == entry), None)
 
-    def submit(self, league: StoredLeague, *, entry: str, owner: str, digest: str, n_bytes: int, now_s: float) -> Submission:
-        """Keep that something was submitted; it waits for its check."""
+    def submit(
+        self, league: StoredLeague, *, entry: str, owner: str, digest: str, n_bytes: int, now_s: float, state: str = WAITING
+    ) -> Submission:
+        """Keep that something was submitted; it waits for its check, or needs none where it is `ACCEPTED` as it comes."""
         row = {
             "league_id": league.id, "entry": entry, "owner": owner, "digest": digest, "n_bytes": n_bytes,
-            "received_at": now_s, "state": WAITING, "says": "", "report": None, "number": None,
+            "received_at": now_s, "state": state, "says": "", "report": None, "number": None,
         }  # fmt: skip
 
         def work(connection: Connection) -> int:
@@ -167,9 +173,9 @@ class SeasonStore(Store):
         return 1 + self._do("read", lambda connection: int(connection.scalar(query) or 0))
 
     def refuse(self, league: StoredLeague, submission: Submission, says: str, report: Mapping[str, Any] | None = None) -> None:
-        """Keep why a submission is not played."""
+        """Keep why a submission is not played; nothing is changed if it was accepted meanwhile."""
         values = {"state": REFUSED, "says": says, "report": None if report is None else json.dumps(report)}
-        change = update(SUBMISSIONS).where(SUBMISSIONS.c.id == submission.id).values(values)
+        change = update(SUBMISSIONS).where(SUBMISSIONS.c.id == submission.id, SUBMISSIONS.c.state != ACCEPTED).values(values)
         self._do("write to", lambda connection: connection.execute(change), league.name)
 
     def accept(
@@ -188,6 +194,11 @@ class SeasonStore(Store):
         ----------
         spec
             How it is loaded, see `Version.spec`.
+
+        Raises
+        ------
+        WithdrawnError
+            It was refused meanwhile.
         """
         [version] = match_versions(
             {submission.entry: submission.digest},
@@ -199,13 +210,18 @@ class SeasonStore(Store):
         }  # fmt: skip
         entered = Version(entry=version.entry, number=version.number, fingerprint=submission.digest, spec=spec)
 
-        def work(connection: Connection) -> None:
+        change = update(SUBMISSIONS).where(SUBMISSIONS.c.id == submission.id, SUBMISSIONS.c.state != REFUSED).values(values)
+
+        def work(connection: Connection) -> bool:
+            if connection.execute(change.returning(SUBMISSIONS.c.id)).one_or_none() is None:
+                return False
             connection.execute(self._keep_version(league.id, entered, now_s))
             self._play_version(connection, league.id, submission.entry, submission.owner, version.number)
-            connection.execute(update(SUBMISSIONS).where(SUBMISSIONS.c.id == submission.id).values(values))
             self._redefine(connection, league)
+            return True
 
-        self._do("write to", work, league.name)
+        if not self._do("write to", work, league.name):
+            raise WithdrawnError(f"what was submitted as {submission.entry} was withdrawn, or refused, and cannot play")
         return entered
 
     def play_version(self, league: StoredLeague, entry: SeasonEntry, number: int) -> None:

@@ -73,6 +73,11 @@ class ClientPool:
         """Those who were dismissed and have not gone yet."""
         return [name for name, client in self._clients.items() if client.state is _State.LEAVING]
 
+    @property
+    def failing(self) -> frozenset[str]:
+        """Those that die again and again, or were given up."""
+        return frozenset(name for name, client in self._clients.items() if client.process.is_failing)
+
     def take_limits_met(self, name: str) -> Counter[str]:
         """Return how often the fighter of an entry met each of its limits since the last call."""
         client = self._clients.get(name)
@@ -119,6 +124,7 @@ class ClientPool:
             why = self._look_after(name, client, n_ended[name], is_busy=name in busy, is_wanted=name in wanted, now_s=now_s)
             if why:
                 client.state = _State.AWAY
+                wanted.pop(name, None)
                 yield name, why
         self._call(wanted)
         self._dismiss(wanted, busy, now_s)

@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
-from arena.errors import ArenaError
 from arena.folders import data_folder
 from arena.game.types import Team
 from arena.keyring.files import load_or_make
@@ -19,7 +18,7 @@ from tournaments.venues.client_pool import ClientPool
 from tournaments.venues.processes import entry_key_path
 from tournaments.venues.recovery import find_ended
 from tournaments.venues.referee_process import MOST_PLANS, Addition, Call, Done, Finish, News, RefereeProcess, Withdrawal
-from tournaments.venues.setting import Fighter, VenueSetting, ignore_invitations
+from tournaments.venues.setting import EntryLostError, Fighter, VenueSetting, ignore_invitations
 
 _PIT = "league"
 _SETTLE_S = 2.0
@@ -43,7 +42,9 @@ def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]
     Raises
     ------
     ArenaError
-        The referee died again and again, or a client that played no match; a log says why.
+        The referee died again and again; a log says why.
+    EntryLostError
+        A client died again and again and played no match, or an entry that joins by itself has not come for `setting.absence_s`.
     """
     left = {plan.identity: plan for plan in plans}
     for outcome in find_ended(setting.journals, setting.ruleset, plans):
@@ -57,8 +58,14 @@ def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]
         setting.on_open(invitations(setting, pit.address))
         pit.add({}, list(left.values()))
         pit.finish()
+        seen_at_s = time.monotonic()
         while pit.n_left:
             yield from pit.receive()
+            if not pit.awaited:
+                seen_at_s = time.monotonic()
+            elif time.monotonic() - seen_at_s > setting.absence_s:
+                name = min(pit.awaited)
+                raise EntryLostError(name, f"{name} has not come for {setting.absence_s:g} s")
     yield from pit.receive()
 
 
@@ -133,6 +140,18 @@ class NetworkPit:
         """The entries that join by themselves and are there, as far as `receive` has heard."""
         playing = {name for plan in self._running.values() for name in (plan.blue, plan.red)}
         return self._waiting | {name for name in playing if self._fighters[name].public_key is not None}
+
+    @property
+    def awaited(self) -> frozenset[str]:
+        """The entries that join by themselves and are not there, if every match that is left waits for one of them."""
+        away = {name for name, fighter in self._fighters.items() if fighter.public_key is not None} - self.present
+        waited = [away & {plan.blue, plan.red} for plan in self._left.values()]
+        return frozenset().union(*waited) if all(waited) else frozenset()
+
+    @property
+    def failing(self) -> frozenset[str]:
+        """The entries whose client dies again and again, or was given up: their matches begin late or never."""
+        return self._clients.failing
 
     def add(self, entries: Mapping[str, Fighter], plans: Sequence[MatchPlan]) -> None:
         """Let entries in, by label, and put matches at the end of the plan; at any time, until `finish`.
@@ -267,7 +286,7 @@ class NetworkPit:
             left = [plan for plan in left if not {plan.blue, plan.red} & self._withdrawn.keys()]
         for name, why in self._clients.tend(self._running.values(), left, self._n_left, self._n_ended, self._waiting):
             if self._is_finished:
-                raise ArenaError(why)
+                raise EntryLostError(name, why)
             self.withdraw([name], why)
 
     def _with_limits_met(self, outcome: Outcome) -> Outcome:

@@ -41,6 +41,10 @@ class OpenVenue(Protocol):
     def present(self) -> frozenset[str]:
         """The entries that join by themselves and are there."""
 
+    @property
+    def failing(self) -> frozenset[str]:
+        """The entries whose process dies again and again, or was given up: their matches begin late or never."""
+
     def add(self, entries: Mapping[str, Fighter], plans: Sequence[MatchPlan]) -> None:
         """Let entries in, by label, and put matches at the end of the plan; one that is known may be named again, as it is."""
 
@@ -86,6 +90,7 @@ class BatchVenue:
 
     address: Address | None = None
     present: frozenset[str] = frozenset()
+    failing: frozenset[str] = frozenset()
 
     def __init__(self, play: Venue, setting: VenueSetting, *, session: Session = nullcontext) -> None:
         self._play, self._setting, self._session = play, setting, session

@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +24,8 @@ MOST_DEATHS = 3
 """Times in a row that a process which died young is started anew."""
 YOUNG_S = 60.0
 """A process that lived longer was not broken from its start."""
+RETRY_S = 600.0
+"""Whoever was given up is as good as any other after this time."""
 _PATIENCE_S = 20
 GOODBYE_S = 5.0
 """For a process that was asked to end."""
@@ -52,6 +55,11 @@ class RestartLimit:
         """Whether it died too often."""
         return self._n_deaths > MOST_DEATHS
 
+    @property
+    def is_near(self) -> bool:
+        """Whether it died twice in a row, and has not lived long since."""
+        return self._n_deaths > 1 and time.monotonic() - self._born_at_s < YOUNG_S
+
     def failure_message(self, reason: str = "") -> str:
         """Return how it died, in one sentence."""
         why = f": {reason}" if reason else f"; {self._log} says why"
@@ -69,6 +77,8 @@ class _Absence:
 
 
 _TRUSTED = Sandbox(has_wall=False, limits=NO_LIMITS)
+_MOST_LOG_BYTES, _KEPT_LOG_BYTES = 2 << 20, 1 << 19
+"""A fighter may print so much each time its client starts, which it does thousands of times in a season."""
 
 
 class ClientProcess:
@@ -122,6 +132,7 @@ class ClientProcess:
         self._alive.unlink(missing_ok=True)
         environment = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ARENA_CONFIG"))}
         environment |= {"HOME": str(self._home), "NUMBA_CACHE_DIR": str(cache_root())}
+        _shorten(self._log)
         with self._log.open("ab") as log:
             self._started = SandboxedProcess(self._command, _TRUSTED, environment, cwd=self._home, log=log)
 
@@ -129,6 +140,12 @@ class ClientProcess:
     def is_running(self) -> bool:
         """Whether the process is there."""
         return self._started is not None and self._started.process.poll() is None
+
+    @property
+    def is_failing(self) -> bool:
+        """Whether it dies again and again, or is kept away since it did."""
+        away = self._away
+        return self._restarts.is_near if away is None else time.monotonic() - away.give_up_at_s < RETRY_S
 
     def terminate(self) -> None:
         """Ask it to end; `end` waits for that."""
@@ -191,6 +208,18 @@ class ClientProcess:
             return self._restarts.failure_message() if time.monotonic() > self._away.give_up_at_s else ""
         self.start()
         return ""
+
+
+def _shorten(log: Path) -> None:
+    """Keep the end of a log that has grown too long."""
+    with suppress(FileNotFoundError):
+        if log.stat().st_size > _MOST_LOG_BYTES:
+            with log.open("r+b") as file:
+                file.seek(-_KEPT_LOG_BYTES, os.SEEK_END)
+                end = file.read()
+                file.seek(0)
+                file.write(end)
+                file.truncate()
 
 
 def entry_key_path(setting: VenueSetting, name: str) -> Path:

@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 
+from arena.errors import ArenaError
 from arena.game.ruleset import Ruleset
 from arena.match.time_control import TimeControl
 from arena.records.plan import MatchPlan
@@ -12,6 +14,14 @@ from tournaments.outcome import Outcome
 
 MOST_CLIENTS = 32
 """Each takes the memory of a Python that plays, and a second or two of a core to start."""
+
+
+class EntryLostError(ArenaError):
+    """An entry does not come to its matches, and nothing else is left to play."""
+
+    def __init__(self, name: str, why: str) -> None:
+        super().__init__(why)
+        self.name = name
 
 
 def ignore_invitations(_: Mapping[str, str]) -> None:
@@ -53,6 +63,8 @@ class VenueSetting:
     """Endpoint of the pit; any free port of loopback without it."""
     on_open: Callable[[Mapping[str, str]], None] = ignore_invitations
     """Called once the pit is open, with the command by which each of `remote` joins."""
+    absence_s: float = inf
+    """How long those of `remote` are waited for, once nothing else is left to play."""
     most_clients: int = MOST_CLIENTS
     """Processes of entries that the pit starts at once; what others have to play waits its turn."""
 

@@ -88,6 +88,7 @@ def test_a_request_that_does_not_open_or_comes_twice_is_refused_and_counted(pit:
         ({"team": "green"}, "there is no team"),
         ({"slot": -1}, "there is no slot"),
         ({"name": "a/b"}, "a name is 1 to 64"),
+        ({"name": "ann.2"}, "a name is 1 to 64"),
         ({"name": "owned"}, "the name owned belongs to another key"),
     ],
 )

@@ -301,6 +301,7 @@ SEASON = "[season]\n"
         (SEASON + 'invites = "gone.txt"', "a file with a code on each line"),
         ("pairs = 3\n" + SEASON, "chooses its pairs itself"),
         ("season = 3", "write its terms below [season]"),
+        (f'name = "{"s" * 60}"\n[season]\n[entries]\n{"a" * 60} = "rush"', "an entry's may have 51 letters"),
     ],
 )
 def test_a_season_that_cannot_be_is_said_in_one_sentence(text: str, says: str) -> None:

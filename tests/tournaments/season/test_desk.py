@@ -1,13 +1,19 @@
 """The desk of a season, over a real router: who may submit what, when, and what each is told."""
 
 from collections.abc import Callable
+from pathlib import Path
 
+import pytest
 from authors import BOT, SEASON, Author, Season, pack, read_refusal, refusal
 
 from arena.protocol.codec import encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import AdminRequest, ChallengeRequest, JoinRequest, SealedRequest, SeasonAnswer, SeasonRequest
+from arena.records.journal import journal_name
+from arena.records.plan import LeagueMatchId
 from arena.submission import PIECE_BYTES, Submission, digest_of
+from tournaments.league.season import FINAL_SUFFIX, most_name_letters
+from tournaments.season import owners
 from tournaments.season.desk import MOST_WAITING
 from tournaments.store.season_store import WAITING
 
@@ -110,6 +116,20 @@ def test_a_name_belongs_to_the_first_key(open_season: OpenSeason, author: Connec
     assert [one.entry for one in season.store.submissions(season.row)] == ["ann"]
 
 
+def test_whoever_had_submitted_under_a_name_before_withdraws_nothing_of_who_has_it_now(
+    open_season: OpenSeason, author: Connect
+) -> None:
+    season = open_season()
+    ann, eve = author(season), author(season, "ann")
+    eve.upload(pack())
+    eve.ask("withdraw")
+    ann.upload(pack(BOT + b"# ann's\n"))
+
+    eve.ask("withdraw")
+
+    assert [one.owner for one in season.store.submissions(season.row, state=WAITING)] == [ann.identity.fingerprint]
+
+
 def test_one_owner_has_as_many_entries_and_submissions_as_the_season_allows(open_season: OpenSeason, author: Connect) -> None:
     season = open_season(entries_per_owner=2, per_day=3)
     ann = author(season)
@@ -205,6 +225,36 @@ def test_the_owner_alone_is_told_how_an_entry_stands_and_what_it_printed(open_se
     assert [one["number"] for one in playing.facts["versions"]] == [1]
     assert log.endswith(b"the last words")
     assert len(log) == 200_000
+
+
+@pytest.mark.parametrize(("season", "most"), [("course", 64), ("s" * 64, 49)])
+def test_no_name_is_too_long_for_the_file_of_a_journal(season: str, most: int, tmp_path: Path) -> None:
+    assert most_name_letters(season) == most
+    for suffix, name in (("", season + FINAL_SUFFIX), (".9999", season)):
+        label = "x" * most + suffix
+        match = LeagueMatchId(league=name, one=label, other=label, pair=99_999, blue=label)
+        (tmp_path / journal_name(str(match))).touch()
+
+
+def test_a_name_that_is_too_long_is_refused(open_season: OpenSeason, author: Connect, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(owners, "most_name_letters", lambda _: 50)
+    season = open_season()
+    ann = author(season)
+
+    for answer in (ann.upload(pack(), name="a" * 51), ann.ask("remote", name="a" * 51)):
+        assert "is too long; in this season, it may have 50 letters" in refusal(answer)
+
+
+def test_a_part_of_a_log_that_no_file_has_is_empty(open_season: OpenSeason, author: Connect) -> None:
+    season = open_season()
+    ann = author(season)
+    ann.upload(pack())
+    accept(season)
+    (season.logs / "ann.log").write_bytes(b"the last words")
+
+    for offset in (2**62, 2**63 - 1, 2**64 - 1):
+        assert ann.ask("log", offset=offset) == SeasonAnswer(text="ann.log", offset=14)
+    assert ann.ask("log", offset=-(2**63)) == SeasonAnswer(text="ann.log", offset=14, data=b"the last words")
 
 
 def test_a_flood_of_junk_leaves_an_author_served(open_season: OpenSeason, author: Connect) -> None:

@@ -128,6 +128,28 @@ def test_a_submission_that_was_withdrawn_during_its_check_does_not_play(season: 
     assert season.kept() == []
 
 
+def test_one_that_is_withdrawn_as_its_check_ends_does_not_play_and_can_come_again(
+    season: Season, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = submit(season, pack())
+    intake = season.intake()
+    true_enter = season.submitted.enter
+
+    def enter(folder: Path, digest: str) -> str:
+        season.store.refuse(season.row, one, "it was withdrawn")
+        submit(season, pack())
+        return true_enter(folder, digest)
+
+    monkeypatch.setattr(season.submitted, "enter", enter)
+
+    assert intake.check_next()
+    assert [given.state for given in season.store.submissions(season.row)] == [REFUSED, WAITING]
+    assert season.store.find_entry(season.row, "ann") is None
+    monkeypatch.undo()
+    assert intake.check_next()
+    assert [given.state for given in season.store.submissions(season.row)] == [REFUSED, ACCEPTED]
+
+
 CHECKING = """
 import sys
 from pathlib import Path

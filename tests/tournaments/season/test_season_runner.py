@@ -1,20 +1,24 @@
 """A season that is played: newcomers first, nothing lost or counted twice, and versions apart."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
+from outcomes import ended
 from pretended_season import LEAGUE, PretendedSeason
 
-from arena.records.plan import LeagueMatchId
+from arena.records.plan import LeagueMatchId, MatchPlan
 from tournaments.league.season import Phase, SeasonTerms
 from tournaments.league.versions import entry_of
-from tournaments.season.final import make_final
+from tournaments.outcome import Outcome
+from tournaments.running.scheduler import Folders
+from tournaments.season.final import make_final, play_final
 from tournaments.season.phases import find_phase
 from tournaments.season.results import Results
-from tournaments.season.runner import MOST_UNDER_WAY, MOST_VOID, MOST_WHEN_BUSY, REST_ELO
+from tournaments.season.runner import MOST_UNDER_WAY, MOST_VOID, MOST_WHEN_BUSY, REST_ELO, SUSPENSION_S
 from tournaments.season.table import rate_season
+from tournaments.venues.setting import EntryLostError, VenueSetting
 
 ELO = {"rush": 100.0, "patrol": 0.0, "random": -100.0}
 
@@ -182,6 +186,35 @@ def test_a_version_whose_matches_are_void_again_and_again_disturbs_nobody(season
     assert season.runner.results.record("ann.2").n_matches > 0
 
 
+def test_a_version_whose_process_cannot_live_keeps_nobody_waiting_and_is_alone_to_blame(season: PretendedSeason) -> None:
+    play(season, 40)
+    label = season.submit("ann", "d1", 0.0)
+    season.venue.waits_for = {label}
+    while sum(label in identity for identity in season.venue.given) < MOST_VOID * (len(ELO) + 1):
+        play(season, 1)
+    season.venue.failing = frozenset({label})
+    n_given = sum(label in identity for identity in season.venue.given)
+
+    assert play(season, 100) >= 100
+    season.venue.withdraw([label], "it cannot live")
+    play(season, 100)
+
+    assert season.runner.suspended == [label]
+    assert sum(label in identity for identity in season.venue.given) == n_given
+    check_books(season)
+
+
+def test_after_some_time_what_was_void_is_played_again(season: PretendedSeason) -> None:
+    season.venue.broken = set(ELO)  # the fault of nobody: a disk is full
+    play(season, 1)
+    assert season.runner.suspended == sorted(ELO)
+
+    season.venue.broken.clear()
+    season.now_s += SUSPENSION_S
+
+    assert play(season, 50) >= 50
+
+
 def test_a_match_that_was_void_once_is_played_again(season: PretendedSeason) -> None:
     season.venue.broken, season.venue.most = set(ELO), 1
     season.runner.step(Phase.OPEN)
@@ -346,3 +379,31 @@ def test_phases_follow_the_terms_and_the_final_waits_for_what_came_in_time() -> 
 
     assert [find_phase(terms, now_s, n_waiting=n).value for now_s, n in at] == ["open", "frozen", "frozen", "final"]
     assert find_phase(SeasonTerms(), 1e12, n_waiting=0) is Phase.OPEN
+
+
+def test_the_final_is_played_without_whoever_does_not_come_and_its_secret_is_known_then(
+    season: PretendedSeason, tmp_path: Path
+) -> None:
+    season.submit("ann", "d1", 0.0)
+    (season.folder / "submissions" / "d1" / "bot.py").touch()
+    season.runner.step(Phase.OPEN)
+    tried: list[set[str]] = []
+
+    def play(_: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]:
+        tried.append({plan.blue for plan in plans})
+        for plan in plans:
+            if "ann" not in (plan.blue, plan.red):
+                yield ended(plan.identity, plan.blue, plan.red, None)
+        if "ann" in tried[-1]:
+            raise EntryLostError("ann", "ann has not come")
+
+    folders = Folders(data=tmp_path)
+    played = list(play_final(LEAGUE, season.runner.roster, season.store, folders, play, is_stopped=lambda: False))
+
+    final = season.store.get("course-final")
+    assert tried == [{"ann", *ELO}]
+    assert len(played) == len({outcome.identity for outcome in played}) == season.store.count(final)
+    assert set(final.labels.values()) == set(ELO)
+    assert final.secret is not None
+    assert list(play_final(LEAGUE, season.runner.roster, season.store, folders, play, is_stopped=lambda: False)) == []
+    assert len(tried) == 1

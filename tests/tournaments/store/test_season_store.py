@@ -6,7 +6,7 @@ import pytest
 from outcomes import ended
 
 from arena.game.types import Team
-from tournaments.store.season_store import ACCEPTED, REFUSED, WAITING, SeasonStore, Submission
+from tournaments.store.season_store import ACCEPTED, REFUSED, WAITING, SeasonStore, Submission, WithdrawnError
 from tournaments.store.store import StoredLeague, StoreError
 
 DEFINITION = {"ruleset": "paper", "rules": "1", "entries": {"rush": "rush"}, "clock": {}, "season": True, "secret": "s"}
@@ -55,6 +55,11 @@ def test_a_submission_waits_and_becomes_a_version_or_is_refused(store: SeasonSto
     refused, accepted = store.submissions(season, entry="ann")
     assert (refused.state, refused.says, refused.number) == (REFUSED, "it dies in tick 3", None)
     assert (accepted.state, accepted.report, accepted.number) == (ACCEPTED, {"p99": 2}, 1)
+    assert current(store) == ["ann", "rush"]
+    with pytest.raises(WithdrawnError, match="ann was withdrawn"):
+        store.accept(season, one, spec="d1/bot.py", says="it plays", report=None, now_s=5.0)
+    store.refuse(season, other, "it was withdrawn")
+    assert [given.state for given in store.submissions(season)] == [REFUSED, ACCEPTED]
     assert current(store) == ["ann", "rush"]
 
 

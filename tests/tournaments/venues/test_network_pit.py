@@ -131,6 +131,7 @@ def test_the_matches_of_a_client_that_never_sits_down_and_what_is_withdrawn_are_
         pit.add(entries, [*withdrawn, *plan("one", "three"), *plan("one", "two")])
         pit.withdraw(["far"], "it has not come")
         outcomes = receive_all(pit)
+        assert pit.failing == {"three"}
 
     gone = [outcome for outcome in outcomes if "far" in (outcome.blue, outcome.red)]
     outcomes = [outcome for outcome in outcomes if outcome not in gone]

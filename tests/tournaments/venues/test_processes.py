@@ -19,6 +19,7 @@ import tournaments.venues.processes as tournament_processes
 from arena.errors import ArenaError
 from arena.game.types import Team, Termination
 from arena.match.time_control import TimeControl
+from arena.network.address import Address
 from arena.sandbox.limits import NO_LIMITS
 from arena.sandbox.process import Sandbox
 from tournaments.outcome import Outcome
@@ -26,6 +27,7 @@ from tournaments.venues.bundle import freeze
 from tournaments.venues.local import play as play_local
 from tournaments.venues.network import play as play_network
 from tournaments.venues.processes import MOST_DEATHS
+from tournaments.venues.setting import Fighter
 
 ENTRIES = {"one": "rush", "two": "patrol", "three": "random"}
 SLOW = """
@@ -304,3 +306,22 @@ def test_a_bot_file_that_is_edited_while_its_league_runs_plays_on_as_it_was(tmp_
     assert Path(frozen["bot"]).name == "bot.py"
     assert Path(frozen["bot"]).read_text() == "before"
     assert (frozen["one"], frozen["trusted"]) == ("rush", str(trusted)), "which finds its neighbours beside it"
+
+
+def test_the_log_of_a_client_that_is_started_again_and_again_does_not_grow_for_ever(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tournament_processes, "_MOST_LOG_BYTES", 100)
+    monkeypatch.setattr(tournament_processes, "_KEPT_LOG_BYTES", 10)
+    monkeypatch.setattr(tournament_processes, "SandboxedProcess", lambda *_, **__: None)
+    setting = make_setting(tmp_path, one="rush")
+    setting.journals.mkdir(exist_ok=True)
+    log = setting.journals / "one.log"
+    address = Address(endpoint="tcp/127.0.0.1:1", pit="pit")
+    client = tournament_processes.ClientProcess(setting, address, "one", Fighter(spec="rush"))
+
+    for printed, kept in ((b"x" * 100, b"x" * 100), (b"the last words", b"last words")):
+        with log.open("ab") as file:
+            file.write(printed)
+        client.start()
+        assert log.read_bytes() == kept
