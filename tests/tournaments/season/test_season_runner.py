@@ -18,8 +18,12 @@ from tournaments.season import runner
 from tournaments.season.final import make_final, play_final
 from tournaments.season.phases import find_phase
 from tournaments.season.results import Results
+<<<<<<< HEAD
 from tournaments.season.runner import MOST_VOID, REST_ELO, SUSPENSION_S
 from tournaments.season.service import why_not_remote
+=======
+from tournaments.season.runner import LEAST_UNDER_WAY, MOST_UNDER_WAY, MOST_VOID, MOST_WHEN_BUSY, REST_ELO, SUSPENSION_S
+>>>>>>> refs/heads/review-code
 from tournaments.season.table import rate_season
 from tournaments.venues.setting import EntryLostError, VenueSetting
 
@@ -253,7 +257,7 @@ def test_the_table_says_who_forfeited_and_of_whom_little_is_known(season: Preten
 def test_what_is_under_way_is_not_chosen_as_if_it_were_not(season: PretendedSeason) -> None:
     journals = season.folder / "journals"
     journals.mkdir()
-    for pair in range(5):
+    for pair in range((LEAST_UNDER_WAY - 1) // 2):
         (journals / f"course+patrol+rush+{pair:04}+patrol-blue+0.journal").touch()
     season.venue.most = 0
     season.open()

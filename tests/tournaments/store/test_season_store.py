@@ -89,9 +89,12 @@ def test_an_entry_goes_back_and_is_withdrawn_and_its_results_stay(store: SeasonS
 
 def test_submissions_that_came_before_the_first_match_outlive_a_restart(store: SeasonStore, season: StoredLeague) -> None:
     accept(store, season, "d1")
+    other = store.open_season("another", {**DEFINITION, "entries": {"patrol": "patrol"}}, 8.0)
+    accept(store, other, "d1", "bob")
     again = store.open_season("course", DEFINITION, 9.0)
 
     assert list(again.definition["entries"]) == ["ann", "rush"]
+    assert list(store.get("another").definition["entries"]) == ["bob", "patrol"]
     assert again.id == season.id
 
 
@@ -108,5 +111,7 @@ def test_the_table_is_kept_as_it_stands(store: SeasonStore, season: StoredLeague
         store.put_standings(season, {"rows": [made_at]}, made_at)
 
     assert store.standings(season) == {"rows": [6.0], "made_at": 6.0}
-    store.keep_rating(season, "rush", 1, {"elo": 3.5})
-    assert [one.rating for one in store.versions(season)] == [{"elo": 3.5}]
+    accept(store, season, "d1")
+    accept(store, season, "d2")
+    store.keep_rating(season, "ann", 1, {"elo": 3.5})
+    assert [one.rating for one in store.versions(season)] == [{"elo": 3.5}, None, None]
