@@ -18,16 +18,13 @@ from tournaments.season import runner
 from tournaments.season.final import make_final, play_final
 from tournaments.season.phases import find_phase
 from tournaments.season.results import Results
-<<<<<<< HEAD
 from tournaments.season.runner import MOST_VOID, REST_ELO, SUSPENSION_S
 from tournaments.season.service import why_not_remote
-=======
-from tournaments.season.runner import LEAST_UNDER_WAY, MOST_UNDER_WAY, MOST_VOID, MOST_WHEN_BUSY, REST_ELO, SUSPENSION_S
->>>>>>> refs/heads/review-code
 from tournaments.season.table import rate_season
 from tournaments.venues.setting import EntryLostError, VenueSetting
 
-MOST_UNDER_WAY, MOST_WHEN_BUSY = N_CORES * runner.MOST_UNDER_WAY, N_CORES * runner.MOST_WHEN_BUSY
+LEAST_UNDER_WAY, MOST_UNDER_WAY = N_CORES * runner.LEAST_UNDER_WAY, N_CORES * runner.MOST_UNDER_WAY
+MOST_WHEN_BUSY = N_CORES * runner.MOST_WHEN_BUSY
 ELO = {"rush": 100.0, "patrol": 0.0, "random": -100.0}
 
 
