@@ -82,7 +82,8 @@ class Register:
         """Return what tells whose an entry is: the same for keys whose invite codes have one owner, else the key itself."""
         key = to_text(entry)
         return next(
-            (f"owner {self._owners[code]}" for code, its in self._invites.items() if its == key and code in self._owners), key
+            (f"owner {self._owners[code]}" for code, its in list(self._invites.items()) if its == key and code in self._owners),
+            key,
         )
 
     def claim(self, name: str, entry: bytes) -> None:

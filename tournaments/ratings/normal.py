@@ -50,9 +50,13 @@ class Posterior:
     @property
     def centred(self) -> tuple[Floats, Floats]:
         """Elo around the league's mean, shape (entries,), and its covariance."""
+        return self.centre(np.ones(len(self.strengths)))
+
+    def centre(self, weights: Floats) -> tuple[Floats, Floats]:
+        """Return Elo around a weighted mean, shape (entries,), and its covariance."""
         n = len(self.strengths)
-        centre = np.eye(n) - 1 / n
-        return ELO * centre @ self.strengths, ELO**2 * centre @ self.covariance[:n, :n] @ centre
+        centre = np.eye(n) - weights / weights.sum()
+        return ELO * centre @ self.strengths, ELO**2 * centre @ self.covariance[:n, :n] @ centre.T
 
     @property
     def difference_deviations(self) -> Floats:

@@ -172,10 +172,13 @@ def rate_normal(
     return ratings_of(names, known, n_draws=n_draws)
 
 
-def ratings_of(names: Sequence[str], known: Posterior, *, n_draws: int = N_DRAWS) -> Ratings:
-    """Return the ratings of a posterior; `names` are those of its strengths."""
+def ratings_of(names: Sequence[str], known: Posterior, *, n_draws: int = N_DRAWS, weights: Floats | None = None) -> Ratings:
+    """Return the ratings of a posterior; `names` are those of its strengths.
+
+    `weights` are of the mean that is 0 Elo; all are alike without them.
+    """
     n = len(names)
-    elo, covariance = known.centred
+    elo, covariance = known.centred if weights is None else known.centre(weights)
     margin = Z95 * np.sqrt(np.diag(covariance))
     rank = rankdata(-elo.round(6), method="min").astype(int)
     low, high = _rank_ranges(elo, covariance, n_draws)

@@ -5,7 +5,6 @@ Whoever asks has signed it. A name belongs to the first key that submitted somet
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from datetime import UTC, datetime
 from hashlib import sha256
 from os import SEEK_END
@@ -14,7 +13,6 @@ from typing import Any
 
 from arena.console import quantity
 from arena.errors import InputError
-from arena.game.types import Team
 from arena.pit.register import Register
 from arena.protocol.identity import from_text, to_text
 from arena.protocol.messages import Message, Refusal, SeasonAnswer, SeasonRequest, Wait
@@ -22,8 +20,7 @@ from arena.protocol.topics import is_chunk
 from arena.submission import unpack
 from tournaments.league.entries import REMOTE
 from tournaments.league.season import SeasonTerms, most_name_letters
-from tournaments.league.versions import entry_of
-from tournaments.outcome import Outcome
+from tournaments.season.status import summarise, tell_match, tell_submission
 from tournaments.season.submitted import SubmittedFolder
 from tournaments.season.uploads import Uploads
 from tournaments.store.season_store import ACCEPTED, WAITING, SeasonEntry, SeasonStore, Submission
@@ -31,6 +28,9 @@ from tournaments.store.store import StoredLeague
 
 logger = logging.getLogger(__name__)
 _DAY_S = 86_400.0
+_MOST_OF_A_DAY = 100_000
+_MOST_ROLL_BACKS, _ROLL_BACKS_S = 5, 60.0
+"""Of one entry in so long: each has everybody rated anew."""
 _LOG_PIECE_BYTES, _MOST_LOG_BYTES = 40_000, 200_000
 _MOST_WAITING = 500
 """Submissions that wait for their check at once; and no more bytes than `_MOST_WAITING_LARGE` of the largest have."""
@@ -77,6 +77,7 @@ class OwnerRequests:
         self._why_not_remote = why_not_remote
         self._on_submission = on_submission
         self._most_bytes = terms.most_kb * 1_000
+        self._rolled_back_at_s: dict[str, list[float]] = {}
         self._uploads = Uploads(self._most_bytes)
         self._commands: dict[str, Callable[[SeasonRequest, float], Message]] = {
             "upload": self._upload,
@@ -178,17 +179,21 @@ class OwnerRequests:
         if len(waiting) >= _MOST_WAITING or sum(one.n_bytes for one in waiting) > _MOST_WAITING_LARGE * self._most_bytes:
             raise InputError(f"{len(waiting)} submissions wait for their checks; come again later")
         since_s = self._clock() - _DAY_S
-        n_today = len(self._store.submissions(self._league, owner=owner, since_s=since_s, most=terms.per_day))
-        if n_today >= terms.per_day:
+        today = self._store.submissions(self._league, since_s=since_s, most=_MOST_OF_A_DAY)
+        if sum(self.owner_of(one.owner) == self.owner_of(owner) for one in today) >= terms.per_day:
             raise InputError(
                 f"the season takes {quantity(terms.per_day, 'submission')} of one owner in 24 hours; come again later"
             )
 
+    def owner_of(self, key: str) -> str:
+        """Return what tells whose a key is: the same for keys whose invite codes have one owner."""
+        return self._register.owner_of(from_text(key)) if key else key
+
     def _check_has_room(self, request: SeasonRequest, entries: Sequence[SeasonEntry], waiting: Sequence[Submission]) -> None:
         """Refuse one entry more of an owner than the season takes."""
-        owner, most = to_text(request.entry), self._terms.entries_per_owner
-        own = {one.entry for one in entries if one.owner == owner and not one.is_withdrawn}
-        own |= {one.entry for one in waiting if one.owner == owner}
+        owner, most = self.owner_of(to_text(request.entry)), self._terms.entries_per_owner
+        own = {one.entry for one in entries if self.owner_of(one.owner) == owner and not one.is_withdrawn}
+        own |= {one.entry for one in waiting if self.owner_of(one.owner) == owner}
         if request.name not in own and len(own) >= most:
             raise InputError(
                 f"the season takes {quantity(most, 'entry', 'entries')} of one owner, and you have {', '.join(sorted(own))}; "
@@ -233,7 +238,7 @@ class OwnerRequests:
             "entry": request.name,
             "plays": None if entry is None or entry.is_withdrawn else entry.number,
             "queue": next((self._store.queue_position(self._league, one) for one in last if one.state == WAITING), None),
-            "submissions": [_tell(one) for one in last[-_MOST_SUBMISSIONS:]],
+            "submissions": [tell_submission(one) for one in last[-_MOST_SUBMISSIONS:]],
             "report": last[-1].report if last else None,
         }
         if entry is not None:
@@ -245,10 +250,10 @@ class OwnerRequests:
                     {"number": one.number, "entered_at": one.entered_at, "rating": None if one.rating is None else {**one.rating}}
                     for one in versions
                 ],
-                "matches": [_tell_match(one, request.name) for one in played],
+                "matches": [tell_match(one, request.name) for one in played],
                 **self._describe(entry),
             }
-        return SeasonAnswer(text=_summarise(facts), facts=facts)
+        return SeasonAnswer(text=summarise(facts), facts=facts)
 
     def _tell_log(self, request: SeasonRequest, now_s: float) -> Message:
         entry = self._find_own(request)
@@ -271,6 +276,10 @@ class OwnerRequests:
         if request.number not in numbers:
             raise InputError(f"{request.name} has no version {request.number}; it has {', '.join(map(str, numbers))}")
         self._check_has_room(request, self._store.entries(self._league), self._store.submissions(self._league, state=WAITING))
+        lately_s = [at_s for at_s in self._rolled_back_at_s.get(request.name, ()) if now_s - at_s < _ROLL_BACKS_S]
+        if len(lately_s) >= _MOST_ROLL_BACKS:
+            raise InputError(f"{request.name} has gone to another version {len(lately_s)} times in a minute; try again in one")
+        self._rolled_back_at_s[request.name] = [*lately_s, now_s]
         self._store.play_version(self._league, entry, request.number)
         return SeasonAnswer(text=f"version {request.number} of {request.name} plays from now on")
 
@@ -307,29 +316,6 @@ def _is_key(name: str) -> bool:
     except InputError:
         return False
     return True
-
-
-def _tell(one: Submission) -> dict[str, Any]:
-    return {name: value for name, value in asdict(one).items() if name not in ("entry", "owner", "report")}
-
-
-def _tell_match(outcome: Outcome, entry: str) -> dict[str, Any]:
-    """Return a match as the owner of one of its entries is told of it."""
-    team = Team.BLUE if entry_of(outcome.blue) == entry else Team.RED
-    own, other = (outcome.blue, outcome.red) if team is Team.BLUE else (outcome.red, outcome.blue)
-    result = outcome.result
-    return {
-        "label": own, "opponent": other, "team": team.name.lower(), "points": result.points(team),
-        "how": result.seen_by(team).describe(team),
-    }  # fmt: skip
-
-
-def _summarise(facts: Mapping[str, Any]) -> str:
-    if facts["queue"] is not None:
-        return f"{facts['entry']} waits for its check, as number {facts['queue']} of the queue"
-    if facts["plays"] is not None:
-        return f"version {facts['plays']} of {facts['entry']} plays"
-    return f"{facts['entry']} does not play"
 
 
 def _format_time(at_s: float) -> str:

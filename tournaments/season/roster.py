@@ -11,7 +11,6 @@ from policies.workers.files import fighter_in
 from tournaments.league.entries import REMOTE
 from tournaments.league.league import League
 from tournaments.league.versions import Version
-from tournaments.season.choosing import Player
 from tournaments.store.season_store import ORGANISER, SeasonEntry, SeasonStore
 from tournaments.store.store import StoredLeague
 from tournaments.venues.setting import Fighter
@@ -32,10 +31,6 @@ class Roster:
     def labels(self) -> list[str]:
         """Of all of them, sorted."""
         return sorted(self.entries)
-
-    def players(self) -> list[Player]:
-        """Return them as those are chosen from who meet next, in the order of `labels`."""
-        return [Player(label=label, owner=self.entries[label].owner) for label in self.labels]
 
 
 def read_roster(store: SeasonStore, row: StoredLeague, league: League, folder: Path, think_s: Mapping[str, float]) -> Roster:

@@ -19,14 +19,13 @@ from arena.game.types import Termination
 from arena.records.journal import identity_of
 from arena.records.plan import LeagueMatchId, MatchPlan
 from tournaments.fixture import plan_pair
-from tournaments.intervals import Z95
 from tournaments.league.league import League
 from tournaments.league.season import Phase
 from tournaments.outcome import Outcome
 from tournaments.ratings.standings import Standing
 from tournaments.reports.season_table import describe_season
 from tournaments.running.slots import SHARE
-from tournaments.season.choosing import NEWCOMER_ELO, choose_pairs
+from tournaments.season.choosing import NEWCOMER_ELO, Player, choose_pairs
 from tournaments.season.results import Results, n_pairs_of
 from tournaments.season.roster import Roster, read_roster
 from tournaments.season.table import Table, rate_season
@@ -69,19 +68,21 @@ class SeasonRunner:
         What a turn of the entries of its file takes, by label, as far as it was measured.
     n_cores
         That matches are played on.
+    owner_of
+        Tells whose a key is: some may have one owner, whose entries never meet.
     """
 
     def __init__(
         self, league: League, store: SeasonStore, row: StoredLeague, secret: bytes, venue: OpenVenue, *,
         folder: Path, journals: Path, clock: Callable[[], float], rng: np.random.Generator,
-        think_s: Mapping[str, float] | None = None, n_cores: int = 1,
+        think_s: Mapping[str, float] | None = None, n_cores: int = 1, owner_of: Callable[[str], str] = str,
     ) -> None:  # fmt: skip
         self._league, self._store, self._secret, self._venue = league, store, secret, venue
         self._folder, self._journals, self._clock, self._rng = folder, journals, clock, rng
         self.row = row
         self.results = Results(store.count_results(row), stored := store.identities(row), store.count_forfeits(row))
         self.roster: Roster = read_roster(store, row, league, folder, think_s or {})
-        self._n_cores = n_cores
+        self._n_cores, self._owner_of = n_cores, owner_of
         turn_time_s = league.time_control.turn_time_s
         self._most_thinking_s = inf if turn_time_s is None else SHARE * turn_time_s * n_cores
         self.table: Table = rate_season(self.results, self.roster.labels, self.roster.follows)
@@ -256,11 +257,11 @@ class SeasonRunner:
         if len(labels) < 2:
             return
         known = self.table.part(labels)
-        if self._is_known(known.centred[1]):
+        if self.table.widths(labels).max() <= REST_ELO:
             return
         index = {label: number for number, label in enumerate(labels)}
         under_way = {tuple(LeagueMatchId.parse(identity).pair_id.split("/")[1:]) for identity in self._plans}
-        players = [player for player in self.roster.players() if player.label in index]
+        players = [Player(label=label, owner=self._owner_of(self.roster.entries[label].owner)) for label in labels]
         n_wanted = (most - len(self._moving)) // 2
         chosen = choose_pairs(
             players, known, n_pairs_of(self.results.table(labels)), n_wanted, self._rng,
@@ -279,10 +280,6 @@ class SeasonRunner:
 
     def _think_s(self, *labels: str) -> float:
         return sum(self.roster.think_s.get(label, 0.0) for label in labels)
-
-    def _is_known(self, covariance: np.ndarray[Any, Any]) -> bool:
-        """Whether the strengths are known well enough."""
-        return bool(2 * Z95 * np.sqrt(np.diag(covariance).max()) <= REST_ELO)
 
     def _plan(self, one: str, other: str, number: int) -> tuple[MatchPlan, MatchPlan]:
         league = self._league

@@ -102,6 +102,8 @@ class Season:
         self._folder = folders.season(league.name)
         self._locks = ExitStack()
         self.state = SeasonState()
+        self._owner_of: Callable[[str], str] = str
+        self._suspended: frozenset[str] = frozenset()
         self._phase: Phase | None = None
         self._address: Address | None = None
         """Of the pit that is open, for those who join by themselves."""
@@ -160,6 +162,7 @@ class Season:
             why_not_remote=why_not_remote(league, venue),
         )  # fmt: skip
         address = Address(endpoint=terms.submissions, pit=league.name, fingerprint=identity.fingerprint)
+        self._owner_of = owners.owner_of
         with open_router(address.endpoint, address.pit) as session, intake, Desk(session, league.name, identity, owners) as desk:
             self._events.on_open(address)
             yield desk, intake
@@ -175,6 +178,7 @@ class Season:
         return {
             "standing": rows[0] if rows else None,
             "page": self._terms.page,
+            "is_suspended": entry.label in self._suspended,
             "join": command if is_remote and self._address is not None else "",
         }
 
@@ -191,7 +195,7 @@ class Season:
             runner = SeasonRunner(
                 league, self._store, self.row, self._secret, pit, folder=self._folder, journals=setting.journals,
                 clock=self._clock, rng=np.random.default_rng(int.from_bytes(os.urandom(16), "big")),
-                think_s=self._think_s, n_cores=len(os.sched_getaffinity(0)),
+                think_s=self._think_s, n_cores=len(os.sched_getaffinity(0)), owner_of=self._owner_of,
             )  # fmt: skip
             next_look_s = 0.0
             phase = Phase.OPEN
@@ -250,6 +254,7 @@ class Season:
         self.state.faults = dict(faults)
 
     def _note(self, runner: SeasonRunner) -> None:
+        self._suspended = frozenset(runner.suspended)
         self.state.n_matches, self.state.n_playing = runner.results.n_matches, runner.n_under_way
         self.state.n_waiting, self.state.looked_at_s = runner.n_waiting, time.monotonic()
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tournaments.ratings.davidson import Floats
 from tournaments.ratings.normal import Posterior, fit_counts
 from tournaments.ratings.rate import Follows, Rating, places_of, ratings_of
 from tournaments.season.results import Results
@@ -29,6 +30,11 @@ class Table:
         index = {label: number for number, label in enumerate(self.labels)}
         return _part(self.posterior, [index[label] for label in labels])
 
+    def widths(self, labels: Sequence[str]) -> Floats:
+        """Return how wide the 95% intervals of some labels are, in Elo."""
+        ratings = [self.ratings[label] for label in labels]
+        return np.array([rating.elo_high - rating.elo_low for rating in ratings])
+
 
 def rate_season(results: Results, labels: Sequence[str], follows: Follows, before: Table | None = None) -> Table:
     """Rate the current versions.
@@ -46,9 +52,15 @@ def rate_season(results: Results, labels: Sequence[str], follows: Follows, befor
     start = None if before is None else _start(rated, before)
     whole = fit_counts(results.table(rated), follows=places_of(rated, follows), start=start)
     known = _part(whole, range(len(labels)))
-    ratings = ratings_of(labels, known, n_draws=_N_DRAWS).entries if labels else {}
+    # A newcomer, of whom nothing is known, must not move the mean that is 0 Elo.
+    weights = np.array([float(results.record(label).n_matches) for label in labels])
+    if not weights.any():
+        weights = np.ones(len(labels))
     return Table(
-        labels=tuple(labels), posterior=known, ratings=ratings, fitted=dict(zip(rated, whole.strengths.tolist(), strict=True))
+        labels=tuple(labels),
+        posterior=known,
+        ratings=ratings_of(labels, known, n_draws=_N_DRAWS, weights=weights).entries if labels else {},
+        fitted=dict(zip(rated, whole.strengths.tolist(), strict=True)),
     )
 
 

@@ -161,6 +161,18 @@ def test_nothing_is_taken_after_the_deadline_but_entries_can_be_withdrawn(open_s
     assert isinstance(ann.ask("withdraw"), SeasonAnswer)
 
 
+def test_whoever_goes_to_and_fro_has_to_wait(open_season: OpenSeason, author: Connect) -> None:
+    season = open_season()
+    ann = author(season)
+    ann.upload(pack())
+    accept(season)
+
+    answers = [ann.ask("roll-back", number=1) for _ in range(6)]
+
+    assert [type(answer) for answer in answers[:5]] == [SeasonAnswer] * 5
+    assert "5 times in a minute; try again in one" in refusal(answers[5])
+
+
 def test_without_an_invite_nobody_holds_a_buffer(open_season: OpenSeason, author: Connect) -> None:
     season = open_season(invites=["code"], entries_per_owner=2)
     ann, eve = author(season), author(season, "eve")

@@ -37,12 +37,14 @@ def season(store_url: str, tmp_path: Path) -> Iterator[PretendedSeason]:
 
 def play(season: PretendedSeason, n: int) -> int:
     """Play until `n` more matches are counted, or nothing is left to be known; return how many were."""
-    counted = n_idle = 0
+    counted = n_idle = n_stuck = 0
     while counted < n and n_idle < 2:
         season.now_s += 10
         new = len(season.runner.step(Phase.OPEN))
         counted += new
         n_idle = 0 if new or season.runner.n_under_way else n_idle + 1
+        n_stuck = 0 if new else n_stuck + 1
+        assert n_stuck < 500, f"{season.runner.n_under_way} matches are under way, and none ends"
     return counted
 
 
@@ -89,6 +91,17 @@ def test_a_new_version_is_rated_by_what_it_shares_with_the_one_before_it() -> No
 
     widths = [table.ratings["e0.2"].elo_high - table.ratings["e0.2"].elo_low for table in (apart, linked)]
     assert widths[1] < 0.8 * widths[0]
+
+
+def test_a_newcomer_of_whom_nothing_is_known_makes_nobody_else_less_certain(season: PretendedSeason) -> None:
+    play(season, 400)
+    before = {label: width(season, label) for label in ELO}
+    season.submit("ann", "d1", 0.0)
+    season.runner.step(Phase.OPEN, may_choose=False)
+
+    for label, known in before.items():
+        assert width(season, label) < 1.1 * known
+    assert width(season, "ann") > 500
 
 
 def test_when_everybody_is_known_it_rests_until_something_changes(season: PretendedSeason) -> None:
