@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from pages import PAGES
 from arena.sandbox.limits import BEHIND_A_WALL
 from tournaments.league.file import _KEYS, parse_league
 from tournaments.league.league import BOUNDS, League
+from tournaments.league.season import SeasonTerms
 from tournaments.league.template import TEMPLATE
 
 PAGE = PAGES["docs/reference/league-file.md"]
@@ -53,6 +55,13 @@ def test_every_limit_is_there_with_its_default() -> None:
     limits = table("## `[limits]`")
 
     assert [f"{key}={value_of(default.strip('`'))}" for key, default in limits.items()] == BEHIND_A_WALL.assignments()
+
+
+def test_every_term_of_a_season_is_there_with_its_default() -> None:
+    terms = {key: default.strip("`") for key, default in table("## `[season]`").items()}
+    known = {field.name.removesuffix("_s"): field.default for field in fields(SeasonTerms)}
+
+    assert {key: None if default == "none" else value_of(default) for key, default in terms.items()} == known
 
 
 def test_every_bound_of_a_test_is_there_with_its_default() -> None:

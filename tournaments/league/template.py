@@ -41,6 +41,10 @@ sandbox = "bubblewrap"    # files and programs play behind a wall, where nothing
 
 # [limits]                # of each process of a file or program
 {LIMITS}
+# [season]                # a season: entries are submitted, and chosen pairs are played: arena season open THIS.toml
+# submissions = "tcp/0.0.0.0:7448"    # where authors submit
+# deadline = 2027-01-31T18:00:00Z     # then the final is played; docs/reference/league-file.md has the other terms
+
 # [sprt]                  # pairing = "sprt": is the first of two entries, or challenger = "NAME", better than the other?
 # elo0 = 0                # "no": at most so much better, in Elo
 # elo1 = 50               # "yes": at least so much better; the nearer both are, the more pairs it takes

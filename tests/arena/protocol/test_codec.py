@@ -220,6 +220,8 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
         "JournalPiece",
         "Lobby",
         "PastTruth",
+        "SeasonRequest",
+        "SeasonAnswer",
     ]
     assert shape["JoinRequest"] == [
         "rules_version: int",

@@ -85,7 +85,7 @@ def test_json_says_everything_from_the_first_one_s_side(here: Run) -> None:
     )
     assert found["wins"] + found["draws"] + found["losses"] == sum(found["endings"].values()) == 10
     assert found["blue_wins"] + found["red_wins"] == found["wins"] + found["losses"]
-    no_faults = {"raised": 0, "illegal": 0, "first_traceback": None, "reasons": []}
+    no_faults = {"raised": 0, "illegal": 0, "first_traceback": None, "reasons": [], "counted": {}}
     assert found["faults"] == {"rush": no_faults, "patrol": no_faults}
     assert len(found["rules_hash"]) == 64
 

@@ -20,7 +20,7 @@ from tournaments.outcome import Outcome
 from tournaments.store.store import Store, StoreError, TakenError
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
-FACTS = {"ruleset": "paper", "rules": "1", "entries": {}, "clock": {}}
+FACTS = {"ruleset": "paper", "rules": "1", "entries": {"a": "rush", "b": "patrol"}, "clock": {}}
 WAIT_S = 60.0
 
 
