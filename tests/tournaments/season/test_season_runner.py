@@ -29,7 +29,15 @@ ELO = {"rush": 100.0, "patrol": 0.0, "random": -100.0}
 
 
 @pytest.fixture
-def season(store_url: str, tmp_path: Path) -> Iterator[PretendedSeason]:
+def season(tmp_path: Path) -> Iterator[PretendedSeason]:
+    season = PretendedSeason(str(tmp_path / "arena.db"), tmp_path, ELO)
+    with season.store:
+        yield season
+
+
+@pytest.fixture
+def stored_season(store_url: str, tmp_path: Path) -> Iterator[PretendedSeason]:
+    """Keep a season on each database in turn."""
     season = PretendedSeason(store_url, tmp_path, ELO)
     with season.store:
         yield season
@@ -124,16 +132,16 @@ def test_no_two_matches_are_one_and_no_more_are_under_way_than_may_be(season: Pr
 
 
 @pytest.mark.parametrize("n_before_kill", [1, 13, 40])
-def test_a_season_that_was_killed_ends_the_pairs_that_were_begun(season: PretendedSeason, n_before_kill: int) -> None:
-    play(season, n_before_kill)
-    half = season.runner.results.halves
+def test_a_season_that_was_killed_ends_the_pairs_that_were_begun(stored_season: PretendedSeason, n_before_kill: int) -> None:
+    play(stored_season, n_before_kill)
+    half = stored_season.runner.results.halves
 
-    season.open()
-    assert season.runner.n_under_way == len(half)
-    play(season, 100)
+    stored_season.open()
+    assert stored_season.runner.n_under_way == len(half)
+    play(stored_season, 100)
 
-    check_books(season)
-    assert not half & season.runner.results.halves
+    check_books(stored_season)
+    assert not half & stored_season.runner.results.halves
 
 
 def test_matches_whose_journal_was_begun_are_taken_up_again(season: PretendedSeason) -> None:
@@ -154,23 +162,23 @@ def test_matches_whose_journal_was_begun_are_taken_up_again(season: PretendedSea
     assert sorted(season.venue.given) == begun, "a version that plays no more is called"
 
 
-def test_a_new_version_takes_the_place_of_the_old_one_whose_results_and_rating_stay(season: PretendedSeason) -> None:
-    first = season.submit("ann", "d1", 0.0)
-    play(season, 100)
-    n_of_first = season.runner.results.record(first).n_matches
-    second = season.submit("ann", "d2", 300.0)
-    play(season, 300)
+def test_a_new_version_takes_the_place_of_the_old_one_whose_results_and_rating_stay(stored_season: PretendedSeason) -> None:
+    first = stored_season.submit("ann", "d1", 0.0)
+    play(stored_season, 100)
+    n_of_first = stored_season.runner.results.record(first).n_matches
+    second = stored_season.submit("ann", "d2", 300.0)
+    play(stored_season, 300)
 
     assert (first, second) == ("ann", "ann.2")
-    assert first in season.venue.named_gone
-    ratings = season.runner.table.ratings
+    assert first in stored_season.venue.named_gone
+    ratings = stored_season.runner.table.ratings
     assert set(ratings) == {"ann.2", "patrol", "random", "rush"}
     assert ratings["ann.2"].rank == 1
-    assert season.runner.roster.follows == (("ann", "ann.2"),)
-    [kept] = [one.rating for one in season.store.versions(season.row) if one.label == "ann"]
+    assert stored_season.runner.roster.follows == (("ann", "ann.2"),)
+    [kept] = [one.rating for one in stored_season.store.versions(stored_season.row) if one.label == "ann"]
     assert kept is not None
     assert kept["matches"] == n_of_first > 0
-    check_books(season)
+    check_books(stored_season)
 
 
 def test_whoever_goes_back_to_earlier_code_is_known_at_once(season: PretendedSeason) -> None:
