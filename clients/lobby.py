@@ -12,9 +12,12 @@ from arena.protocol.signed import read_statement
 from clients.audit import JournalDownload
 
 
-def ask_challenge(session: Session, address: Address) -> Challenge:
-    """Return the pit's keys; that it holds them was checked, not who it is."""
-    return read_challenge(address.pit, ask(session, address, topics.join(address.pit), encode(ChallengeRequest())))
+def ask_challenge(session: Session, address: Address, key: str = "") -> Challenge:
+    """Return the pit's keys; that it holds them was checked, not who it is.
+
+    `key` is where requests go that will answer the challenge; without it, where seats are asked for.
+    """
+    return read_challenge(address.pit, ask(session, address, key or topics.join(address.pit), encode(ChallengeRequest())))
 
 
 def ask_lobby(session: Session, address: Address, pit_key: bytes) -> Lobby:

@@ -10,11 +10,12 @@ from arena.network.address import Address
 from arena.network.asking import ask
 from arena.network.session import Session
 from arena.protocol import topics
-from arena.protocol.codec import decode, encode
-from arena.protocol.handshake import Attempt, read_challenge
+from arena.protocol.codec import decode
+from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Challenge, ChallengeRequest, Message, Refusal, SeasonAnswer, SeasonRequest, Wait
+from arena.protocol.messages import Challenge, Message, Refusal, SeasonAnswer, SeasonRequest, Wait
 from arena.submission import PIECE_BYTES
+from clients.lobby import ask_challenge
 
 PATIENCE_S = 60.0
 """How long a season may say that one is to wait."""
@@ -117,8 +118,7 @@ class SeasonClient:
     def _find_challenge(self) -> Challenge:
         now_s = time.monotonic()
         if self._challenge is None or now_s - self._challenge[1] > _CHALLENGE_S:
-            key = topics.submissions(self._address.pit)
-            challenge = read_challenge(self._address.pit, ask(self._session, self._address, key, encode(ChallengeRequest())))
+            challenge = ask_challenge(self._session, self._address, topics.submissions(self._address.pit))
             self._trust(challenge.pit_key)
             self._challenge = challenge, now_s
         return self._challenge[0]

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from arena.errors import ArenaError, InputError
-from arena.protocol.identity import from_text, to_text
+from arena.protocol.identity import from_text, is_public_key, to_text
 from arena.protocol.messages import JoinRequest, SeasonRequest
 
 _PARTS = ("names", "invites", "banned")
@@ -55,7 +55,7 @@ class Register:
         entry = to_text(request.entry)
         if entry in self._banned:
             return "this key is banned from the pit"
-        if _is_key(request.name):  # it would mislead an operator who bans a key
+        if is_public_key(request.name):  # it would mislead an operator who bans a key
             return "a name must not look like a public key; choose another with --name"
         owner = self._names.get(request.name, entry)
         if owner != entry:
@@ -187,14 +187,6 @@ def _read(text: str) -> tuple[_Parts, int]:
         else:
             by_name[part][str(key)] = str(value)
     return (names, invites, banned), len(lines)
-
-
-def _is_key(text: str) -> bool:
-    try:
-        from_text(text)
-    except InputError:
-        return False
-    return True
 
 
 def read_invites(path: Path) -> dict[str, str]:

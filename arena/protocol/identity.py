@@ -75,5 +75,14 @@ def from_text(text: str) -> bytes:
     return public
 
 
+def is_public_key(text: str) -> bool:
+    """Whether a text is what `to_text` writes of some key."""
+    try:
+        from_text(text)
+    except InputError:
+        return False
+    return True
+
+
 def _labelled(label: str, data: bytes) -> bytes:
     return b"arena " + label.encode() + b"\0" + data

@@ -82,10 +82,11 @@ def submit(
             if is_upload:
                 _upload(season, entry, packed, as_json=as_json)
             elif status:
-                facts = season.ask("status").facts
+                answer = season.ask("status")
+                facts = answer.facts
                 if facts.get("page"):
                     facts = {**facts, "page": make_page_link(identity, facts["page"], where.pit, entry, time.time())}
-                _print_status(facts, as_json=as_json)
+                _print_status(answer.text, facts, as_json=as_json)
             elif log:
                 _print_log(season, as_json=as_json)
             else:
@@ -136,14 +137,12 @@ def _print_log(season: "SeasonClient", *, as_json: bool) -> None:
         say("it has printed nothing yet", err=True)
 
 
-def _print_status(facts: Mapping[str, Any], *, as_json: bool) -> None:
+def _print_status(says: str, facts: Mapping[str, Any], *, as_json: bool) -> None:
     if as_json:
         print_json(facts)
         return
-    entry, queue, plays, standing = facts["entry"], facts["queue"], facts["plays"], facts.get("standing")
-    if queue is not None:
-        say(f"{entry} waits for its check, as number {queue} of the queue")
-    say(f"{entry} does not play" if plays is None else f"version {plays} of {entry} plays")
+    standing = facts.get("standing")
+    say(says)
     n_matches = sum(standing[key] for key in ("wins", "draws", "losses")) if standing else 0
     if standing and not n_matches:
         say("it has played no match yet")

@@ -107,8 +107,8 @@ def run_league(
     chosen = load_league(league)
     if chosen.season is not None:
         raise InputError(f"{chosen.name} is a season, whose entries are submitted; open it by: arena season open {league}")
-    venue, form = _one_of("--venue", venue or chosen.venue, VENUES), _one_of("--format", "json" if as_json else form, FORMATS)
-    is_for_machines = _one_of("--progress", progress or ("json" if as_json else "bar"), ("bar", "json")) == "json"
+    venue, form = one_of("--venue", venue or chosen.venue, VENUES), one_of("--format", "json" if as_json else form, FORMATS)
+    is_for_machines = one_of("--progress", progress or ("json" if as_json else "bar"), ("bar", "json")) == "json"
     chosen.check_venue(venue)
     find_venue(venue)  # what it needs may not be installed
     folders = Folders(data=data_folder(data))
@@ -281,7 +281,7 @@ def leaderboard(
             raise InputError("--shares are of leagues; a ladder has no cross table")
         if ratings:
             raise InputError("--ratings is how leagues are rated; a ladder keeps the ratings that its pit gave")
-        text = render_ladder(db or str(data_folder(data) / "arena.db"), league, _one_of("--format", form, LADDER_FORMATS))
+        text = render_ladder(db or str(data_folder(data) / "arena.db"), league, one_of("--format", form, LADDER_FORMATS))
         say_lines(text) if out is None else save(out, text)
         return
     _report(league, data, db, form, out, ratings, shares, has_all_versions=all_versions)
@@ -305,7 +305,7 @@ def _report(
     from tournaments.running.scheduler import Folders
     from tournaments.store.store import Store
 
-    _one_of("--format", form, FORMATS)
+    one_of("--format", form, FORMATS)
     folders = Folders(data=data_folder(data))
     with Store(db or str(folders.data / "arena.db"), make=False) as store:
         row = store.get(name) if name else store.latest()
@@ -316,7 +316,8 @@ def _report(
     _show(report, form, out, folders.journals(row.name))
 
 
-def _one_of(option: str, value: str, known: tuple[str, ...]) -> str:
+def one_of(option: str, value: str, known: tuple[str, ...]) -> str:
+    """Return what an option was given, or refuse it, naming the nearest that there is."""
     if value not in known:
         raise UnknownNameError(option, value, known)
     return value

@@ -6,7 +6,7 @@ import typer
 
 from arena.console import AsJson, JsonProgress, print_json, print_table, quantity, say
 from arena.errors import ArenaError, InputError
-from tournaments.commands.league import Data, Db, LeagueName
+from tournaments.commands.league import Data, Db, LeagueName, one_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -63,9 +63,7 @@ def open_season(
     chosen = load_league(file)
     if chosen.season is None:
         raise InputError(f"{file} is no season: write [season] into it, or play it as a league: arena tournament run {file}")
-    venue = venue or chosen.venue
-    if venue not in VENUES:
-        raise InputError(f"--venue is {venue!r}; it is one of {', '.join(VENUES)}")
+    venue = one_of("--venue", venue or chosen.venue, VENUES)
     chosen.check_venue(venue)
     folders = Folders(data=data_folder(data))
     lines, stop = JsonProgress(0), Event()

@@ -14,7 +14,7 @@ from typing import Any
 from arena.console import quantity
 from arena.errors import InputError
 from arena.pit.register import Register
-from arena.protocol.identity import from_text, to_text
+from arena.protocol.identity import from_text, is_public_key, to_text
 from arena.protocol.messages import Message, Refusal, SeasonAnswer, SeasonRequest, Wait
 from arena.protocol.topics import is_chunk
 from arena.submission import unpack
@@ -163,7 +163,7 @@ class OwnerRequests:
         """Refuse whoever may not submit under this name, or not now; tie the invite to who used it."""
         self._check_is_open()
         owner, name, terms = to_text(request.entry), request.name, self._terms
-        if _is_key(name):
+        if is_public_key(name):
             raise InputError("a name must not look like a public key; choose another with --name")
         if len(name) > (most := most_name_letters(self._league.name)):
             raise InputError(f"the name {name} is too long; in this season, it may have {most} letters: choose one with --name")
@@ -308,14 +308,6 @@ class OwnerRequests:
         if entry is None:
             raise InputError(f"no version of {request.name} has been accepted yet")
         return entry
-
-
-def _is_key(name: str) -> bool:
-    try:
-        from_text(name)
-    except InputError:
-        return False
-    return True
 
 
 def _format_time(at_s: float) -> str:

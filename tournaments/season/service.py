@@ -8,7 +8,7 @@ import logging
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from math import inf
@@ -134,11 +134,11 @@ class Season:
             self._enter_phase(Phase.OVER)
             return
         with self._submissions(venue) as (desk, intake):
-            yield from self._play(venue, is_stopped, desk, intake)
+            runner = yield from self._play(venue, is_stopped, desk, intake)
             if is_stopped():
                 return
             self._enter_phase(Phase.FINAL)
-            yield from self._play_final(venue, is_stopped)
+            yield from self._play_final(runner, venue, is_stopped)
 
     @contextmanager
     def _submissions(self, venue: str) -> Iterator[tuple[Desk, Intake]]:
@@ -182,8 +182,10 @@ class Season:
             "join": command if is_remote and self._address is not None else "",
         }
 
-    def _play(self, venue: str, is_stopped: Callable[[], bool], desk: Desk, intake: Intake) -> Iterator[Outcome]:
-        """Play the season itself, until its final is to begin and nothing is under way any more."""
+    def _play(
+        self, venue: str, is_stopped: Callable[[], bool], desk: Desk, intake: Intake
+    ) -> Generator[Outcome, None, SeasonRunner]:
+        """Play the season itself until its final can begin; return what knows how it stands."""
         league, folders = self._league, self._folders
         setting = VenueSetting(
             ruleset=league.ruleset, entries={}, time_control=league.time_control, slots=league.slots or MOST_SLOTS,
@@ -221,23 +223,22 @@ class Season:
                 now = runner.roster.entries.keys()
                 if now != before:
                     self._events.on_versions(sorted(now - before), sorted(before - now))
-            self.row, self._roster = runner.row, runner.roster
-            self._publish = runner.publish
+            return runner
 
-    def _play_final(self, venue: str, is_stopped: Callable[[], bool]) -> Iterator[Outcome]:
+    def _play_final(self, runner: SeasonRunner, venue: str, is_stopped: Callable[[], bool]) -> Iterator[Outcome]:
         """Play the final, and publish the secrets of both."""
-        self._publish(Phase.FINAL)
+        runner.publish(Phase.FINAL)
         self.state.looked_at_s = inf  # it watches over its processes itself, and may wait for some
         for outcome in play_final(
-            self._league, self._roster, self._store, self._folders, find_venue(venue), is_stopped=is_stopped,
+            self._league, runner.roster, self._store, self._folders, find_venue(venue), is_stopped=is_stopped,
             on_invitation=self._events.on_invitation,
         ):  # fmt: skip
             self._count(outcome)
             yield outcome
         if is_stopped():
             return
-        self.row = self._store.close(self.row, self._secret)
-        self._publish(Phase.OVER)
+        self.row = self._store.close(runner.row, self._secret)
+        runner.publish(Phase.OVER)
         self._enter_phase(Phase.OVER)
 
     def _enter_phase(self, phase: Phase) -> None:

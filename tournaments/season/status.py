@@ -28,11 +28,11 @@ def tell_match(outcome: Outcome, entry: str) -> dict[str, Any]:
 
 def summarise(facts: Mapping[str, Any]) -> str:
     """Return in a sentence how an entry stands."""
-    if facts.get("is_suspended"):
+    entry, queue, number = facts["entry"], facts["queue"], facts["plays"]
+    parts = [] if queue is None else [f"{entry} waits for its check, as number {queue} of the queue"]
+    if number is not None and facts.get("is_suspended"):
         why = "its process ends, or its matches are void, again and again"
-        return f"version {facts['plays']} of {facts['entry']} is not played for now, since {why}; --log shows its log"
-    if facts["queue"] is not None:
-        return f"{facts['entry']} waits for its check, as number {facts['queue']} of the queue"
-    if facts["plays"] is not None:
-        return f"version {facts['plays']} of {facts['entry']} plays"
-    return f"{facts['entry']} does not play"
+        parts.append(f"version {number} of {entry} is not played for now, since {why}; --log shows its log")
+    elif number is not None:
+        parts.append(f"version {number} of {entry} plays")
+    return "; ".join(parts) or f"{entry} does not play"

@@ -18,7 +18,7 @@ from tournaments.venues.client_pool import ClientPool
 from tournaments.venues.processes import entry_key_path
 from tournaments.venues.recovery import find_ended
 from tournaments.venues.referee_process import MOST_PLANS, Addition, Call, Done, Finish, News, RefereeProcess, Withdrawal
-from tournaments.venues.setting import EntryLostError, Fighter, VenueSetting, ignore_invitations
+from tournaments.venues.setting import EntryLostError, Fighter, VenueSetting, check_plans, ignore_invitations
 
 _PIT = "league"
 _SETTLE_S = 2.0
@@ -227,12 +227,7 @@ class NetworkPit:
 
     def _check(self, entries: Mapping[str, Fighter], plans: Sequence[MatchPlan]) -> dict[str, Fighter]:
         """Return the entries that are new."""
-        for plan in plans:
-            if plan.identity in self._left:
-                raise ValueError(f"match {plan.identity} is on the plan already")
-            for name in (plan.blue, plan.red):
-                if name not in entries and name not in self._fighters:
-                    raise ValueError(f"match {plan.identity} is played by {name}, which is no entry of this pit")
+        check_plans(plans, self._left, {*entries, *self._fighters}, "pit")
         for name, fighter in entries.items():
             if self._fighters.get(name, fighter) != fighter:
                 raise ValueError(f"the entry {name} is another than it was; call it otherwise")

@@ -13,7 +13,7 @@ from arena.network.address import Address
 from arena.records.plan import MatchPlan
 from tournaments.outcome import Outcome
 from tournaments.venues.bundle import freeze
-from tournaments.venues.setting import Fighter, Venue, VenueSetting
+from tournaments.venues.setting import Fighter, Venue, VenueSetting, check_plans
 from tournaments.venues.table import find_venue
 
 _WAIT_S = 0.2
@@ -130,11 +130,7 @@ class BatchVenue:
         for name, fighter in entries.items():
             if fighter.public_key is not None:
                 raise InputError(f'{name} joins by itself, and who does can only come to venue = "network"')
-        for plan in plans:
-            if plan.identity in self._left:
-                raise ValueError(f"match {plan.identity} is on the plan already")
-            if not {plan.blue, plan.red} <= {*entries, *self._fighters}:
-                raise ValueError(f"match {plan.identity} is played by one who is no entry of this venue")
+        check_plans(plans, self._left, {*entries, *self._fighters}, "venue")
         frozen = freeze({name: fighter for name, fighter in entries.items() if name not in self._fighters})
         with self._changed:
             self._fighters |= frozen

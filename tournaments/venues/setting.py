@@ -1,6 +1,6 @@
 """What every venue is given, and what it is: it takes plans, and yields outcomes as matches end, in no promised order."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -75,6 +75,16 @@ class VenueSetting:
             name: Fighter(spec=spec, sandbox=self.sandboxes.get(name), public_key=self.remote.get(name))
             for name, spec in self.entries.items()
         }
+
+
+def check_plans(plans: Sequence[MatchPlan], left: Container[str], names: Container[str], where: str) -> None:
+    """Refuse matches that cannot be added to those that are `left`, by identity; `names` are the entries of a venue."""
+    for plan in plans:
+        if plan.identity in left:
+            raise ValueError(f"match {plan.identity} is on the plan already")
+        for name in (plan.blue, plan.red):
+            if name not in names:
+                raise ValueError(f"match {plan.identity} is played by {name}, which is no entry of this {where}")
 
 
 Venue = Callable[[VenueSetting, Sequence[MatchPlan]], Iterator[Outcome]]
