@@ -35,6 +35,9 @@ OWN = {
     "turtle": "policies.heuristics.turtle:Turtle",
     "border_hunter": "policies.heuristics.border_hunter:BorderHunter",
     "chameleon": "policies.heuristics.chameleon:Chameleon",
+    "planner-fast": "policies.search.planner:PlannerFast",
+    "planner": "policies.search.planner:Planner",
+    "planner-deep": "policies.search.planner:PlannerDeep",
 }
 """Our own fighters: module and class."""
 REFERENCES = {"oracle_rush": "policies.heuristics.oracle_rush:OracleRush"}

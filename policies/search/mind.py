@@ -1,0 +1,136 @@
+"""What one seat of a planner has in mind: a blueprint, the worlds that may be, and its plans; one match at a time."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arena.game.observation import Observations
+from arena.game.ruleset import Ruleset
+from arena.game.types import Team
+from policies.belief.memory import sight_of
+from policies.heuristics.role_team import RoleTeam
+from policies.search.climb import BEST, BLUEPRINT, LAST, N_PLANS, Effort, climb, is_better_than_blueprint
+from policies.search.desk import set_posts
+from policies.search.models import ATTACK, GUARD, HOLD, HUNT, SCOUT, WATCH
+from policies.search.particles import begin, follow, lay_ground, make_weights
+from policies.search.plans import FROM_ROLE, copy_plan, make_plans, mean_of
+from policies.search.playout import make_bench, write_first_orders
+from policies.search.ways import find_ways
+from policies.tactics import roles as scripted
+
+_SCRIPTED = {
+    scripted.ATTACK: ATTACK, scripted.GUARD: GUARD, scripted.HUNT: HUNT, scripted.DECOY: ATTACK, scripted.WAIT: HOLD,
+    scripted.NORTH: HOLD, scripted.SOUTH: HOLD,
+}  # fmt: skip
+"""What the blueprint's roles are in playouts, as far as they have one."""
+_FOLLOW, _CHANCE, _CLIMB = (np.uint64(1 << bit) for bit in (61, 62, 63))
+"""Apart the words that are drawn for each."""
+
+
+class Mind:
+    """Thinks for one seat.
+
+    Parameters
+    ----------
+    n_worlds
+        How many worlds that may be are kept.
+    n_lines
+        How many lines of thought there are, each with the same share of the budget: what comes of them does not depend on how
+        many processors carry them.
+    """
+
+    def __init__(self, ruleset: Ruleset, team: Team, n_worlds: int, n_lines: int) -> None:
+        self._ruleset, self._team = ruleset, team
+        self.blueprint = RoleTeam(ruleset, team, 1)
+        bench = make_bench(ruleset, n_worlds)
+        self.benches = [bench, *(make_bench(ruleset, n_worlds, bench) for _ in range(n_lines - 1))]
+        n_units = len(ruleset.team(team))
+        self.plans = [make_plans(N_PLANS, n_units, n_worlds) for _ in self.benches]
+        self._weights = make_weights(n_worlds)
+        self._flies = [unit.flies for unit in ruleset.team(team)]
+        self._orders = np.zeros((1, n_units), np.int8)
+        self.start()
+
+    def start(self) -> None:
+        """Forget the match before."""
+        self.blueprint.start(np.zeros(1, np.intp))
+        self._walkable: NDArray[np.uint64] | None = None
+        self.taken = BLUEPRINT
+
+    def act(self, observations: Observations, effort: Effort, pool: ThreadPoolExecutor | None) -> NDArray[np.int8]:
+        """Return the orders of a tick, int8 of shape (own units,), in memory that the next call overwrites.
+
+        Parameters
+        ----------
+        observations
+            Of this seat alone.
+        effort
+            With a budget of 0, the orders are the blueprint's.
+        pool
+            Carries the lines of thought, if there are several.
+        """
+        last_orders = self._orders[0].copy()
+        self.blueprint.act(observations, self._orders)
+        self.taken = BLUEPRINT
+        if effort.budget > 0:
+            self._think(observations, effort, pool, last_orders)
+        orders: NDArray[np.int8] = self._orders[0]
+        return orders
+
+    def _think(
+        self, observations: Observations, effort: Effort, pool: ThreadPoolExecutor | None, last_orders: NDArray[np.int8]
+    ) -> None:
+        sight, belief, me, bench = sight_of(observations), self.blueprint.belief, int(self._team), self.benches[0]
+        seed, plans, is_first = observations.seed[0], self.plans[0], self._walkable is None
+        if self._walkable is None or (belief.walkable[0] != self._walkable).any():
+            self._walkable = belief.walkable[0].copy()
+            find_ways(belief, self._ruleset.side, bench.tables, bench.ways)
+            lay_ground(me, belief, bench)
+        if is_first:
+            for line in self.benches:
+                set_posts(line.desk, self._ruleset, self._team, int(belief.forward[0]))
+            begin(me, belief, bench, seed ^ _FOLLOW)
+        follow(me, sight, belief, last_orders, is_first, bench, self._weights, seed ^ _FOLLOW)
+        self._write_blueprint()
+        if is_first:
+            copy_plan(BLUEPRINT, plans, LAST, plans)
+        self._climb(effort, pool, seed)
+        if is_better_than_blueprint(BEST, me, plans, bench, effort, seed ^ _CHANCE):
+            self.taken = BEST
+            write_first_orders(me, BEST, plans, bench, seed ^ _CHANCE, self._orders[0])
+        copy_plan(BEST, plans, LAST, plans)
+        plans.first[LAST] = FROM_ROLE
+
+    def _write_blueprint(self) -> None:
+        """Write the blueprint's orders as a plan, to be gone on with by roles like its own."""
+        plans, n_flyers = self.plans[0], 0
+        plans.first[BLUEPRINT], plans.goal[BLUEPRINT] = self._orders[0], -1
+        for unit, flies in enumerate(self._flies):
+            plans.role[BLUEPRINT, unit] = _SCRIPTED.get(int(self.blueprint.plan.role[unit]), ATTACK)
+            if flies:
+                plans.role[BLUEPRINT, unit] = SCOUT if n_flyers % 2 == 0 else WATCH
+                n_flyers += 1
+
+    def _climb(self, effort: Effort, pool: ThreadPoolExecutor | None, seed: np.uint64) -> None:
+        """Leave the best plan of all lines of thought in the first."""
+        me, chance, n_lines = int(self._team), seed ^ _CHANCE, len(self.benches)
+        share = effort._replace(budget=effort.budget // n_lines)
+        for plans in self.plans[1:]:
+            for plan in (BLUEPRINT, LAST):
+                copy_plan(plan, self.plans[0], plan, plans)
+
+        def think(line: int) -> None:
+            salt = seed ^ _CLIMB ^ np.uint64(line)
+            climb(me, self.plans[line], self.benches[line], share, chance, salt)
+            is_better_than_blueprint(BEST, me, self.plans[line], self.benches[line], share, chance)
+
+        if n_lines == 1:
+            think(0)
+            return
+        list((pool.map if pool else map)(think, range(n_lines)))
+        most = min(effort.most, self.plans[0].value.shape[1])
+        best = max(range(n_lines), key=lambda line: mean_of(BEST, most, self.plans[line]))
+        if best:
+            copy_plan(BEST, self.plans[best], BEST, self.plans[0])
+            self.plans[0].value[BEST], self.plans[0].n_tried[BEST] = self.plans[best].value[BEST], self.plans[best].n_tried[BEST]
