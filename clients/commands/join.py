@@ -48,7 +48,7 @@ def join(
     ] = None,
     no_transcripts: Annotated[bool, typer.Option("--no-transcripts", help="Keep none.")] = False,
     explain: Annotated[
-        bool, typer.Option("--explain", help="Have a planner note in them what it believed, weighed and took; it takes time.")
+        bool, typer.Option("--explain", help="Have a planner say in them what it thought, which takes it time.")
     ] = False,
     sandbox: Annotated[bool, typer.Option("--sandbox/--no-sandbox", help="Let the policy see nothing of this machine.")] = False,
     limit: Annotated[

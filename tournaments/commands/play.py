@@ -45,7 +45,7 @@ def play(
         Path | None, typer.Option(metavar="DIR", help="Keep what each seat saw, ordered, logged and drew here.")
     ] = None,
     explain: Annotated[
-        bool, typer.Option("--explain", help="Keep transcripts, in your data folder or DIR, that tell what planners thought.")
+        bool, typer.Option("--explain", help="Keep transcripts that say what planners thought; without DIR, in your data folder.")
     ] = False,
     sandbox: Annotated[
         bool, typer.Option("--sandbox", help="Let bot files, programs and checkpoints see nothing of this machine.")
