@@ -94,6 +94,5 @@ def _draw(console: Console, scene: Scene, view: View, height: int | None, *, has
     boards = [(label, scene.panes[label].grid) for label in view.panes]
     drawn = draw_row(title, boards, console.width, height=height, dimmed=scene.panes[view.panes[-1]].dimmed, aside=aside)
     notes = [f"log: {clean(line)}" for line in scene.log]
-    if scene.drawings:
-        notes += ["drawn:", *write_drawings(scene.drawings, len(boards[0][1]))]
+    notes += write_drawings(scene.drawings, len(boards[0][1]), console.width)
     return Group(drawn, *map(Text, notes))
