@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from arena.annotations import Annotations
 
 _COLOURS = ("red", "orange", "purple", "blue")
-"""Of the enemies, one after another."""
+"""Of the enemies, each the same on every tick."""
 _FLAG_COLOUR, _WAY_COLOUR = "yellow", "green"
 _MOST_PLANS, _MOST_MODELS, _MOST_WAY_CELLS = 6, 6, 40
 _LEAST_SHARE = 0.005
@@ -68,7 +68,9 @@ def explain(thought: Thought) -> Annotations:
     """Return a thought as annotations: one heat map for each unseen enemy, or for several where there is no room for so many."""
     notes = Annotations(thought.side)
     for group in _GROUPS:
-        notes = _note(thought, list(_combine(_unseen(thought), group)))
+        labels = list(dict.fromkeys(map(group, thought.enemies)))
+        colours = {label: _COLOURS[number % len(_COLOURS)] for number, label in enumerate(labels)}
+        notes = _note(thought, _combine(_unseen(thought), group), colours)
         if notes.is_whole:
             break
     return notes
@@ -103,14 +105,13 @@ def _combine(maps: Iterator[_Map], group: Callable[[str], str]) -> Iterator[_Map
         yield _Map(label=label, shares=shares, names=[name for one in alike for name in one.names])
 
 
-def _note(thought: Thought, maps: Sequence[_Map]) -> Annotations:
+def _note(thought: Thought, maps: Iterator[_Map], colours: Mapping[str, str]) -> Annotations:
     notes = Annotations(thought.side)
     for line in (*thought.remarks, *_list_plans(thought), *_list_models(thought.models)):
         notes.log(line)
-    for number, one in enumerate(maps):
-        colour = _COLOURS[number % len(_COLOURS)]
-        notes.log(_describe(f"{one.label} ({colour})", one.shares, thought.side, one.names))
-        notes.draw.heat(one.shares, colour, one.label)
+    for one in maps:
+        notes.log(_describe(f"{one.label} ({colours[one.label]})", one.shares, thought.side, one.names))
+        notes.draw.heat(one.shares, colours[one.label], one.label)
     if thought.flag_cells is not None and thought.flag_cells.size:
         shares = np.bincount(thought.flag_cells.ravel(), minlength=thought.side**2) / thought.flag_cells.size
         notes.log(_describe(f"their flag ({_FLAG_COLOUR})", shares, thought.side))

@@ -60,8 +60,8 @@ def test_the_log_tells_what_was_believed_weighed_and_taken() -> None:
         "  0.400 +-0.010   12  plan 4",
         "  0.300 +-0.010   11  plan 3",
         "they play like: role_team 0.61, rush 0.22, turtle 0.17",
-        "ugv 1 (red): 3 cells, likeliest (5, 0) with 0.50",
-        "uav 2 (orange): 2 cells, likeliest (10, 0) with 0.25; out of sight and alive in 0.50 of the worlds",
+        "ugv 1 (orange): 3 cells, likeliest (5, 0) with 0.50",
+        "uav 2 (purple): 2 cells, likeliest (10, 0) with 0.25; out of sight and alive in 0.50 of the worlds",
         "their flag (yellow): 2 cells, likeliest (19, 19) with 0.75",
     ]
 
