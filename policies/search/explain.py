@@ -111,7 +111,9 @@ def _note(thought: Thought, maps: Iterator[_Map], colours: Mapping[str, str]) ->
         notes.log(line)
     for one in maps:
         notes.log(_describe(f"{one.label} ({colours[one.label]})", one.shares, thought.side, one.names))
-        notes.draw.heat(one.shares, colours[one.label], one.label)
+        strength = min(float(one.shares.sum()), 1.0)  # faint, where it has hardly a chance to be there at all
+        heat = np.ceil(one.shares / one.shares.max() * strength * 255).astype(np.uint8)
+        notes.draw.heat(heat.tobytes(), colours[one.label], one.label)
     if thought.flag_cells is not None and thought.flag_cells.size:
         shares = np.bincount(thought.flag_cells.ravel(), minlength=thought.side**2) / thought.flag_cells.size
         notes.log(_describe(f"their flag ({_FLAG_COLOUR})", shares, thought.side))
@@ -154,4 +156,4 @@ def _describe(what: str, shares: NDArray[np.float64], side: int, names: Sequence
     line = f"{what}: {np.count_nonzero(shares)} cells, likeliest ({row}, {column}) with {shares.max():.2f}"
     if len(names) > 1:
         return f"{line}; one map for {', '.join(names)}, since there is no room for more"
-    return line if shares.sum() > 1 - _LEAST_SHARE else f"{line}; out of sight and alive in {shares.sum():.2f} of the worlds"
+    return line if shares.sum() > 1 - _LEAST_SHARE else f"{line}; alive and out of sight in {shares.sum():.2f} of the worlds"

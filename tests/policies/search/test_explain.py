@@ -45,7 +45,7 @@ def test_each_unseen_enemy_has_a_heat_map_by_the_share_of_worlds_and_one_in_sigh
 
     assert list(maps) == ["ugv 1", "uav 2", "their flag"]
     assert {cell: int(heat) for cell, heat in np.ndenumerate(maps["ugv 1"]) if heat} == {(5, 0): 255, (5, 1): 128, (6, 0): 128}
-    assert {cell: int(heat) for cell, heat in np.ndenumerate(maps["uav 2"]) if heat} == {(10, 0): 255, (10, 1): 255}
+    assert {cell: int(heat) for cell, heat in np.ndenumerate(maps["uav 2"]) if heat} == {(10, 0): 128, (10, 1): 128}
     assert {cell: int(heat) for cell, heat in np.ndenumerate(maps["their flag"]) if heat} == {(19, 19): 255, (1, 0): 85}
 
 
@@ -61,7 +61,7 @@ def test_the_log_tells_what_was_believed_weighed_and_taken() -> None:
         "  0.300 +-0.010   11  plan 3",
         "they play like: role_team 0.61, rush 0.22, turtle 0.17",
         "ugv 1 (orange): 3 cells, likeliest (5, 0) with 0.50",
-        "uav 2 (purple): 2 cells, likeliest (10, 0) with 0.25; out of sight and alive in 0.50 of the worlds",
+        "uav 2 (purple): 2 cells, likeliest (10, 0) with 0.25; alive and out of sight in 0.50 of the worlds",
         "their flag (yellow): 2 cells, likeliest (19, 19) with 0.75",
     ]
 

@@ -74,7 +74,7 @@ def test_its_transcripts_tell_what_it_thought_and_its_orders_are_the_same_as_wit
         assert notes["log"][2] == f"> 0.500 +-0.100    4  turn {tick}"
         [heat] = notes["draw"]
         assert heat["label"] == "ugv 0"
-        assert heat["heat"] == bytes(100) + b"\xff" * 300
+        assert heat["heat"] == bytes(100) + b"\xc0" * 300  # it is in sight in a quarter of the worlds
     other = load_transcript(seats[1] / FILE.replace("+blue.", "+red."))
     assert all(not notes["log"] for notes in other.annotations)
 
