@@ -110,7 +110,9 @@ def _note(thought: Thought, maps: Iterator[_Map], colours: Mapping[str, str]) ->
     for line in (*thought.remarks, *_list_plans(thought), *_list_models(thought.models)):
         notes.log(line)
     for one in maps:
-        notes.log(_describe(f"{one.label} ({colours[one.label]})", one.shares, thought.side, one.names))
+        notes.log(_describe(f"{one.label} ({colours[one.label]})", one.shares, thought.side))
+        if list(one.names) != [one.label]:
+            notes.log(f"  is one map for {', '.join(one.names)}, since there is no room for more")
         strength = min(float(one.shares.sum()), 1.0)  # faint, where it has hardly a chance to be there at all
         heat = np.ceil(one.shares / one.shares.max() * strength * 255).astype(np.uint8)
         notes.draw.heat(heat.tobytes(), colours[one.label], one.label)
@@ -150,10 +152,8 @@ def _list_models(models: Mapping[str, float]) -> Iterator[str]:
         yield f"they play like: {told}"
 
 
-def _describe(what: str, shares: NDArray[np.float64], side: int, names: Sequence[str] = ()) -> str:
+def _describe(what: str, shares: NDArray[np.float64], side: int) -> str:
     """Return a map in words: on how many cells, which is the likeliest, and whether there is anything on it at all."""
     row, column = divmod(int(shares.argmax()), side)
     line = f"{what}: {np.count_nonzero(shares)} cells, likeliest ({row}, {column}) with {shares.max():.2f}"
-    if len(names) > 1:
-        return f"{line}; one map for {', '.join(names)}, since there is no room for more"
     return line if shares.sum() > 1 - _LEAST_SHARE else f"{line}; alive and out of sight in {shares.sum():.2f} of the worlds"

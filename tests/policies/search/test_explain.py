@@ -101,7 +101,7 @@ def test_on_a_large_board_enemies_share_a_map_which_says_so(side: int, labels: l
     notes = told(thought)
 
     assert list(heats(notes, side)) == labels
-    assert sum("one map for ugv 0, ugv 1" in line for line in notes["log"]) == (side > 20)
+    assert sum("is one map for ugv 0, ugv 1" in line for line in notes["log"]) == (side > 20)
     assert not any(line.startswith("arena:") for line in notes["log"])
     if side == 48:
         expected = np.bincount(worlds.ravel(), minlength=side**2)
