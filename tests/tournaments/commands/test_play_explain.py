@@ -79,6 +79,25 @@ def test_its_transcripts_tell_what_it_thought_and_its_orders_are_the_same_as_wit
     assert all(not notes["log"] for notes in other.annotations)
 
 
+@pytest.mark.skipif("planner-fast" not in registry.OWN, reason="no planner is registered yet")
+def test_a_planner_tells_what_it_believed_weighed_and_took_and_orders_the_same_without(here: Run, tmp_path: Path) -> None:
+    for name, options in (("silent", []), ("told", ["--explain"])):
+        given = ("--journals", tmp_path / name, "--transcripts", tmp_path / f"{name}-seats", *options)
+        assert here("play", "planner-fast", "rush", *OPTIONS, *given).returncode == 0
+
+    plain, explained = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("silent", "told"))
+    assert plain == explained
+    file = FILE.replace("thinker", "planner-fast")
+    silent, told = (load_transcript(tmp_path / f"{name}-seats" / file) for name in ("silent", "told"))
+    assert not any(notes["log"] or notes["draw"] for notes in silent.annotations)
+    first, n_enemies = next(told.observations()), len(load("paper").team(Team.RED))
+    maps = [drawing["label"] for drawing in told.annotations[0]["draw"] if "label" in drawing]
+    assert len(set(maps) - {"their flag"}) >= n_enemies - len(first.enemies)
+    for notes in told.annotations:
+        assert len([line for line in notes["log"] if line.startswith("> ")]) == 1
+        assert any(line.startswith("weighed ") for line in notes["log"])
+
+
 @pytest.mark.usefixtures("thinker")
 def test_without_a_folder_it_says_where_it_keeps_them(here: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
