@@ -5,6 +5,7 @@ Pure: a `Thought` goes in. It is made where somebody asks for it alone (`BatchPo
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,11 @@ class WeighedPlan:
     error: float
     """Standard error of `value`."""
     n_worlds: int
+
+    @classmethod
+    def of(cls, name: str, values: NDArray[np.floating[Any]]) -> Self:
+        """Return a plan by what it was worth in each world that it was tried in, at least one; shape (worlds,)."""
+        return cls(name=name, value=float(values.mean()), error=float(values.std() / len(values) ** 0.5), n_worlds=len(values))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -112,3 +112,9 @@ def test_a_planner_that_knows_all_and_weighs_nothing_says_nothing() -> None:
     nothing = Thought(side=SIDE, enemies=NAMES, worlds=WORLDS, in_sight=np.ones(SIDE**2, np.bool_))
 
     assert explain(nothing).pack() == b""
+
+
+def test_a_plan_is_weighed_by_the_mean_of_its_worlds_and_the_standard_error_of_that() -> None:
+    weighed = WeighedPlan.of("wait", np.array([0.0, 1.0, 1.0, 0.0], np.float32))
+
+    assert weighed == WeighedPlan(name="wait", value=0.5, error=0.25, n_worlds=4)
