@@ -6,10 +6,10 @@ plays the bot decides whether anything is kept (`BatchPolicy.keeps_annotations`)
     {"log": ["flag at (3, 4)"],
      "draw": [{"cell": [3, 4], "colour": "red", "text": "A"},
               {"path": [[3, 4], [3, 5]], "colour": "yellow"},
-              {"heat": bytes, "colour": "blue"}]}
+              {"heat": bytes, "colour": "blue", "label": "their flag"}]}
 
-`heat` is a byte per cell, row by row: 0 is nothing, 255 the highest value. A drawing that cannot be kept, and what is too long,
-costs nobody a tick: a line of the log says so instead.
+`heat` is a byte per cell, row by row: 0 is nothing, 255 the highest value. Where several have a `label`, whoever looks at them
+can choose one. A drawing that cannot be kept, and what is too long, costs nobody a tick: a line of the log says so instead.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -26,7 +26,7 @@ MOST_BYTES = 1 << 14
 """Of one tick's annotations, packed."""
 _MOST_LETTERS = 4_000
 """Of one tick's log."""
-_MOST_CELL_LETTERS = 3
+_MOST_CELL_LETTERS, _MOST_LABEL_LETTERS = 3, 20
 _OVERHEAD_BYTES = 32
 """Of one line or drawing, beside what it holds."""
 _OURS = "arena: "
@@ -55,10 +55,13 @@ class Pen:
         if self._page is not None:
             self._page.add_drawing({"path": cells, "colour": colour})
 
-    def heat(self, values: Any, colour: str = "red") -> None:
-        """Shade the board by an array of numbers, shape (side, side): nothing at 0 and below, full at the largest."""
+    def heat(self, values: Any, colour: str = "red", label: str = "") -> None:
+        """Shade the board by an array of numbers, shape (side, side): nothing at 0 and below, full at the largest.
+
+        A label of up to twenty letters tells one of several from the others.
+        """
         if self._page is not None:
-            self._page.add_drawing({"heat": values, "colour": colour})
+            self._page.add_drawing({"heat": values, "colour": colour, "label": label})
 
 
 NO_PEN = Pen(None)
@@ -74,6 +77,11 @@ class Annotations:
         self._drawings: list[dict[str, Any]] = []
         self._n_letters = self._n_bytes = 0
         self._said: list[str] = []
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing was cut or left out so far."""
+        return not self._said and self._n_letters < _MOST_LETTERS
 
     def log(self, *values: object) -> None:
         """Keep a line of text, made of `values` as `print` would."""
@@ -102,7 +110,7 @@ class Annotations:
         except Exception as error:  # noqa: BLE001 - its values may be of any kind, and a path may be computed as it is read
             self._say_once(f"a drawing was left out: it cannot be read ({type(error).__name__})")
             return
-        n_bytes = _OVERHEAD_BYTES + max(len(read.get("heat", b"")), 8 * len(read.get("path", ())))
+        n_bytes = _OVERHEAD_BYTES + max(len(read.get("heat", b"")), 8 * len(read.get("path", ()))) + len(read.get("label", ""))
         if self._n_bytes + n_bytes > MOST_BYTES // 2:
             self._say_once(f"the drawings of one tick have room for {MOST_BYTES // 2} bytes; the rest was left out")
             return
@@ -180,7 +188,9 @@ def _read_drawing(drawing: Mapping[str, Any], side: int) -> dict[str, Any]:
         case {"path": cells}:
             return {"path": list(_read_cells(cells, side)), "colour": colour}
         case {"heat": values}:
-            return {"heat": values if _is_packed_heat(values, side) else _shade(values, side), "colour": colour}
+            label = _encodable(str(drawing.get("label", ""))[:_MOST_LABEL_LETTERS])
+            heat = values if _is_packed_heat(values, side) else _shade(values, side)
+            return {"heat": heat, "colour": colour, **({"label": label} if label else {})}
     raise _UnfitError("it has no cell, no path and no heat")
 
 

@@ -136,6 +136,9 @@ class BatchPolicy(ABC):
     """Whether the local venue shows it the whole board: a reference, never rated, that no other venue seats."""
     keeps_annotations: bool = False
     """Set before the first match by whoever takes what the fighter notes of its thinking; without that, it notes nothing."""
+    explains: bool = False
+    """Set beside `keeps_annotations` where somebody asks for what takes a fighter time to note: all that it believed, weighed and
+    took. Its orders are the same either way."""
 
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int) -> None:
         self.ruleset, self.team, self.n_seats = ruleset, team, n_seats

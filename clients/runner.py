@@ -206,7 +206,7 @@ class Runner:
                 commitment=commitment,
             )
             name = transcript_name(settings.pit, ticket.match, seat.team)
-            seat.keep(TranscriptWriter(settings.transcripts / name, header))
+            seat.keep(TranscriptWriter(settings.transcripts / name, header), explains=settings.explains)
         return seat
 
 

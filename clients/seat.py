@@ -130,10 +130,10 @@ class Seat:
         """The file of what this seat is shown, if that is kept."""
         return None if self._transcript is None else self._transcript.path
 
-    def keep(self, transcript: TranscriptWriter) -> None:
-        """Write what this seat is shown, and what its policy notes, to a transcript."""
+    def keep(self, transcript: TranscriptWriter, *, explains: bool = False) -> None:
+        """Write what this seat is shown, and what its policy notes, to a transcript; `explains` as a `BatchPolicy` has it."""
         self._transcript = transcript
-        self._policy.keeps_annotations = True
+        self._policy.keeps_annotations, self._policy.explains = True, explains
 
     def listen(self) -> list[Message]:
         """Take the seat, for the first time or again; return what is to be said, `Ready` once the policy has started."""

@@ -44,3 +44,5 @@ class ClientSettings:
     """Called with the verdict on the journal of each match; None fetches no journals."""
     transcripts: Path | None = None
     """Folder for transcripts of what each seat was shown; None keeps none."""
+    explains: bool = False
+    """Whether the policy is to note in them what it believed, weighed and took, which takes it time."""

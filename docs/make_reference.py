@@ -199,13 +199,14 @@ def _answer() -> Schema:
         "description": "side x side numbers, row by row or as rows.",
     }
     shapes = {"cell": cell, "path": {"type": "array", "items": cell}, "heat": number}
+    words = {"cell": "text", "heat": "label"}
     drawings = [
         {
             "type": "object",
             "properties": {
                 name: shape,
                 "colour": {"enum": [*COLOURS]},
-                **({"text": {"type": "string"}} if name == "cell" else {}),
+                **({words[name]: {"type": "string"}} if name in words else {}),
             },
             "required": [name],
         }

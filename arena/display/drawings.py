@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.console import clean
 from arena.display.text import Marks
 from arena.game.types import HALVES, Code
 
@@ -16,17 +17,26 @@ _COLOURS = {
 _DARK_LETTERS = {"orange", "yellow", "white"}
 """Colours on which black reads better than white."""
 _N_SHADES = 8
+_GAP = 2
+"""Columns between boards of letters."""
 _EMPTY = (Code.HIDDEN, *HALVES)
 
 
 def mark_drawings(marks: Marks, drawings: Sequence[Mapping[str, Any]], grid: NDArray[np.int8], cell_columns: int) -> None:
-    """Add drawings to the marks of a board, each over those before it: heat as shades, cells in colour, paths as dots."""
+    """Add drawings to the marks of a board, each over those before it: heat as shades, cells in colour, paths as dots.
+
+    Where heats lie over each other, a cell has the colour of the strongest.
+    """
+    strongest: dict[tuple[int, int], float] = {}
     for drawing in drawings:
         colour = drawing["colour"]
         hex_colour = _COLOURS[colour]
         for row, column, shade in _shaded_cells(drawing, len(grid)):
             if grid[row, column] not in (*_EMPTY, Code.OBSTACLE):  # units and flags keep the colours of their team
                 continue
+            if shade < strongest.get((row, column), 0.0):
+                continue
+            strongest[row, column] = shade
             text, style = marks.get((row, column), ("", ""))
             marks[row, column] = text, f"{style} on {_darken(hex_colour, shade)}".strip()
         if "cell" in drawing:
@@ -40,8 +50,33 @@ def mark_drawings(marks: Marks, drawings: Sequence[Mapping[str, Any]], grid: NDA
             marks[row, column] = ("•", f"{style} bold {hex_colour}".strip()) if is_empty else (text, f"{style} underline".strip())
 
 
-def write_drawings(drawings: Sequence[Mapping[str, Any]], side: int) -> list[str]:
-    """Return drawings as letters, for where there are no colours: the text of a cell or `*`, `.` for a path, 1 to 9 for heat."""
+def list_labels(drawings: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the labels of the heats that have one, each once."""
+    return list(dict.fromkeys(drawing["label"] for drawing in drawings if "label" in drawing))
+
+
+def keep_heat(drawings: Sequence[Mapping[str, Any]], label: str) -> list[Mapping[str, Any]]:
+    """Return drawings without the heats that have another label; all of them if `label` is empty."""
+    return [drawing for drawing in drawings if drawing.get("label", label) == label or not label]
+
+
+def write_drawings(drawings: Sequence[Mapping[str, Any]], side: int, width: int) -> list[str]:
+    """Return drawings as lines of letters, for where there are no colours: a board for each label, the others on one before them.
+
+    Boards stand side by side where `width` columns hold them. The text of a cell stands there, or `*`, `.` for a path, and 1 to 9
+    for heat.
+    """
+    plain, labels = [drawing for drawing in drawings if "label" not in drawing], list_labels(drawings)
+    alone = [[drawing for drawing in drawings if drawing.get("label") == label] for label in labels]
+    boards = [["drawn:", *_write_board(plain, side)]] if plain else []
+    boards += [[f"{clean(label)}:", *_write_board(heats, side)] for label, heats in zip(labels, alone, strict=True)]
+    n_columns = max((len(line) for board in boards for line in board), default=0) + _GAP
+    n_beside = max((width + _GAP) // n_columns, 1)
+    rows = [boards[at : at + n_beside] for at in range(0, len(boards), n_beside)]
+    return ["".join(part.ljust(n_columns) for part in line).rstrip() for row in rows for line in zip(*row, strict=True)]
+
+
+def _write_board(drawings: Sequence[Mapping[str, Any]], side: int) -> list[str]:
     letters = [["-"] * side for _ in range(side)]
     for drawing in drawings:
         for row, column, shade in _shaded_cells(drawing, side):

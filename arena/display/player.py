@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
+from arena.display.drawings import list_labels
 from arena.display.scene import Scene, View
 from arena.errors import ArenaError
 
@@ -14,6 +15,7 @@ KEYS = (
     ("v", "the next view"),
     ("u", "numbers on the units, or letters"),
     ("l, d", "what the bot logged, what it drew: on and off"),
+    ("m", "of its heat maps that have a name, the next alone; after the last, all"),
     ("down, up", "scroll, where the board is higher than the screen"),
     ("?", "these keys"),
     ("q", "leave"),
@@ -72,6 +74,8 @@ class Player:
         self.number, self.ticks_per_s, self.is_playing = 0, ticks_per_s, is_playing
         self.view = views[0]
         self.has_numbers = self.shows_log = self.shows_drawings = True
+        self.heat_label = ""
+        """Of the heat map that is shown alone; empty for all."""
         self.shows_keys = self.is_over = False
         self.first_row = 0
         """The first row of the board that is on the screen, where the board is higher; the screen bounds it."""
@@ -109,6 +113,8 @@ class Player:
         elif key in ("u", "l", "d", "?"):
             name = {"u": "has_numbers", "l": "shows_log", "d": "shows_drawings", "?": "shows_keys"}[key]
             setattr(self, name, not getattr(self, name))
+        elif key == "m":
+            self._choose_heat()
         elif key == "q":
             self.is_over = True
         elif key in self._actions:
@@ -134,6 +140,11 @@ class Player:
 
     def _change_speed(self, factor: float) -> None:
         self.ticks_per_s = min(max(self.ticks_per_s * factor, _LEAST_PER_S), _MOST_PER_S)
+
+    def _choose_heat(self) -> None:
+        labels = ["", *list_labels(self.scene.drawings if self.scene else ())]
+        at = labels.index(self.heat_label) + 1 if self.heat_label in labels else 0
+        self.heat_label = labels[at % len(labels)]
 
     def _scroll(self, rows: int) -> None:
         self.first_row = max(self.first_row + rows, 0)

@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from arena.console import clean
-from arena.display.drawings import mark_drawings
+from arena.display.drawings import keep_heat, mark_drawings
 from arena.display.player import KEYS, Player
 from arena.display.scene import Pane, Scene, UnitLine
 from arena.display.text import Marks, draw_board, letter_of
@@ -92,7 +92,7 @@ def _mark(player: Player, scene: Scene, pane: Pane, cell_columns: int) -> Marks:
             if len(text) <= cell_columns:
                 marks[cell] = text, ""
     if player.shows_drawings and pane.is_drawn_on:
-        mark_drawings(marks, scene.drawings, pane.grid, cell_columns)
+        mark_drawings(marks, keep_heat(scene.drawings, player.heat_label), pane.grid, cell_columns)
     for fate, cells in (("fought", scene.fought), ("fell", scene.fell), ("captured the flag", scene.captured)):
         for cell in cells:
             if pane.grid[cell] != Code.HIDDEN:
@@ -129,4 +129,5 @@ def _format_keys() -> list[Text]:
 def _format_footer(player: Player) -> str:
     last = "?" if player.last is None else player.last
     state = "playing" if player.is_playing else "paused"
-    return f"{state}  tick {player.number} of {last}  {player.ticks_per_s:g} a second  view {player.view.name}  ? keys  q leave"
+    shown = f"view {player.view.name}" + (f"  map {clean(player.heat_label)}" if player.heat_label else "")
+    return f"{state}  tick {player.number} of {last}  {player.ticks_per_s:g} a second  {shown}  ? keys  q leave"

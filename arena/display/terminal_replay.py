@@ -20,6 +20,9 @@ from arena.display.terminal_keys import KeyReader, keys_at_once
 from arena.display.text import draw_row, is_live
 from arena.errors import InputError
 
+_MOST_COLUMNS = 120
+"""Of drawings side by side, where a file has as many columns as anyone likes."""
+
 
 def has_keys(console: Console) -> bool:
     """Whether somebody can press keys and see what they do: both ends are a terminal, and one that can be drawn on."""
@@ -94,6 +97,5 @@ def _draw(console: Console, scene: Scene, view: View, height: int | None, *, has
     boards = [(label, scene.panes[label].grid) for label in view.panes]
     drawn = draw_row(title, boards, console.width, height=height, dimmed=scene.panes[view.panes[-1]].dimmed, aside=aside)
     notes = [f"log: {clean(line)}" for line in scene.log]
-    if scene.drawings:
-        notes += ["drawn:", *write_drawings(scene.drawings, len(boards[0][1]))]
+    notes += write_drawings(scene.drawings, len(boards[0][1]), min(console.width, _MOST_COLUMNS))
     return Group(drawn, *map(Text, notes))

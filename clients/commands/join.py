@@ -47,6 +47,9 @@ def join(
         typer.Option(metavar="DIR", help="Where to keep what each seat was shown; transcripts in --data without it."),
     ] = None,
     no_transcripts: Annotated[bool, typer.Option("--no-transcripts", help="Keep none.")] = False,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Have a planner say in them what it thought, which takes it time.")
+    ] = False,
     sandbox: Annotated[bool, typer.Option("--sandbox/--no-sandbox", help="Let the policy see nothing of this machine.")] = False,
     limit: Annotated[
         list[str] | None, typer.Option(metavar="NAME=N", help="What it may use, as memory_mb=500; may be repeated.")
@@ -87,6 +90,8 @@ def join(
     mailbox = _make_mailbox(autopilot, slots) if is_human else None
     if autopilot and mailbox is None:
         raise InputError("--autopilot is for --policy human")
+    if explain and no_transcripts:
+        raise InputError("--explain writes into the transcripts of the matches; leave out --no-transcripts")
     entry = check_label("the name", name or (name_of(program) if program else Path(policy).stem))
     spec = f"exec:{program}" if program else policy
     n_slots = slots if forever else min(slots, matches)
@@ -126,6 +131,7 @@ def join(
         authority=authority,
         on_audit=_print_verdict if audit else None,
         transcripts=None if no_transcripts else data_folder(transcripts or data_folder(data) / "transcripts"),
+        explains=explain,
     )
     if workers is not None:
         settings = replace(settings, count_ready=workers.count_ready)

@@ -1,6 +1,8 @@
 """What a fighter's process and its owner say to each other: MessagePack, each message behind its length.
 
-    to it    ["start", seat, {rules}, team, match, keeps]   a match begins: its name, and whether its annotations are wanted
+    to it    ["start", seat, {rules}, team, match, keeps, explains]
+                                                            a match begins: its name, and `arena.policy.BatchPolicy`'s
+                                                            `keeps_annotations` and `explains`
     to it    ["act", seat, observation]                     as `arena.protocol.observation_codec` packs it
     to it    ["end", seat, {"ending": ..., ...}]            the match is over
     from it  ["loaded"] or ["failed", why]                  once

@@ -308,7 +308,8 @@ class WorkerPolicy(BatchPolicy):
         if worker.is_loaded and not row.is_begun:
             row.is_begun = True
             worker.asked = row.place, START
-            worker.start(row.number, self._rules, int(self.team), row.place.match, keeps_annotations=self.keeps_annotations)
+            wanted = {"keeps_annotations": self.keeps_annotations, "explains": self.explains}
+            worker.start(row.number, self._rules, int(self.team), row.place.match, **wanted)
         if not row.is_started and worker.failure is not None:
             row.is_started = True
         elif not row.is_started and row.is_begun and (answer := worker.take(row.number)) is not None:

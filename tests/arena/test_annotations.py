@@ -96,6 +96,25 @@ def test_heat_is_scaled_to_its_largest_value_and_what_is_no_number_is_nothing(no
     assert heats[1] == [0] * 400
 
 
+def test_a_heat_has_a_label_of_some_letters_where_it_was_given_one(notes: Annotations) -> None:
+    for label in ("", "ugv 1", "x" * 30):
+        notes.draw.heat(np.eye(20), "blue", label)
+
+    assert [drawing.get("label") for drawing in kept(notes)["draw"]] == [None, "ugv 1", "x" * 20]
+
+
+def test_notes_are_whole_until_something_is_cut_or_left_out(notes: Annotations) -> None:
+    notes.log("x" * 3_000)
+    notes.draw.cell(1, 1)
+    assert notes.is_whole
+
+    notes.log("x" * 3_000)
+    assert not notes.is_whole
+    other = Annotations(20)
+    other.draw.cell(20, 1)
+    assert not other.is_whole
+
+
 @pytest.mark.parametrize("largest", [1.6527635528529094, 29.971189053738478, 5e-324])
 def test_the_largest_value_is_full_heat_whatever_it_is(largest: float, notes: Annotations) -> None:
     notes.draw.heat(np.eye(20) * largest)

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import permutations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from arena.protocol.messages import Ended, History, Message, Orders, Ready, Tick
 from arena.records.journal import Header, read_journal
 from arena.records.plan import MatchPlan
 from arena.records.replay import verify
+from arena.records.transcript import TranscriptHeader, TranscriptWriter
 from clients.seat import Seat, read_ticket
 from policies import registry
 
@@ -520,3 +522,16 @@ def test_in_any_storm_the_match_is_that_of_the_local_venue(pair: tuple[str, str]
 
 def test_a_whole_match_in_a_storm() -> None:
     play_storm(PAPER, "roomba", "patrol", 1)
+
+
+@pytest.mark.parametrize("explains", [False, True])
+def test_a_policy_explains_itself_in_a_transcript_where_it_is_asked_to(explains: bool, tmp_path: Path) -> None:
+    seat, diary = seated()
+    texts = dict.fromkeys(("match", "pit", "name", "opponent"), "m")
+    hashes = dict.fromkeys(("pit_key", "entry_key", "commitment"), bytes(32))
+    assert (diary.keeps_annotations, diary.explains) == (False, False)
+
+    with TranscriptWriter(tmp_path / "a", TranscriptHeader(team=Team.RED, ruleset=PAPER, **texts, **hashes)) as transcript:
+        seat.keep(transcript, explains=explains)
+
+    assert (diary.keeps_annotations, diary.explains) == (True, explains)

@@ -6,6 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+from commands import ARENA
+
 from arena.game.types import Team
 from arena.records.journal import Journal, load_journal
 from arena.records.transcript import Transcript, load_transcript
@@ -28,6 +31,17 @@ class Bot:
                 threading.Event().wait(0.05)
         return [observation.tick % 5] * len(observation.units)
 '''
+TELLER = """
+from arena.annotations import Annotations
+from policies.heuristics.rush import Rush
+
+
+class Teller(Rush):
+    def take_annotations(self, seat):
+        notes = Annotations(self.ruleset.side)
+        notes.log("explains" if self.explains else "is silent")
+        return notes.pack()
+"""
 
 
 def journals(folder: Path) -> dict[str, Path]:
@@ -54,13 +68,19 @@ def check_whole(transcript: Transcript, journal: Journal, team: Team) -> None:
 
 
 def test_a_seat_s_transcript_shows_its_match_and_is_checked_against_the_journal(
-    serve: Start, join: Start, arena: Run, tmp_path: Path
+    serve: Start, join: Start, arena: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Red's fighter is of an installed package, and explains itself."""
+    (tmp_path / "teller.py").write_text(TELLER)
+    (tmp_path / "teller-1.dist-info").mkdir()
+    (tmp_path / "teller-1.dist-info" / "METADATA").write_text("Name: teller\nVersion: 1\n")
+    (tmp_path / "teller-1.dist-info" / "entry_points.txt").write_text("[arena.policies]\nteller = teller:Teller\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     pit = serve("--matches", 2)
     homes = {team: tmp_path / team.name for team in Team}
     players = [
-        join("--team", team.name.lower(), "--policy", policy, "--matches", 2, "--data", homes[team])
-        for team, policy in zip(Team, ("roomba", "rush"), strict=True)
+        join("--team", "blue", "--policy", "roomba", "--matches", 2, "--data", homes[Team.BLUE]),
+        join("--team", "red", "--policy", "teller", "--explain", "--matches", 2, "--data", homes[Team.RED], code=ARENA),
     ]
     assert [process.finish() for process in (*players, pit)] == [0, 0, 0]
 
@@ -78,7 +98,8 @@ def test_a_seat_s_transcript_shows_its_match_and_is_checked_against_the_journal(
     journal = load_journal(written[one])
     shown = arena("replay", "show", kept[Team.RED][one])
     assert (shown.returncode, shown.stderr) == (0, "")
-    assert shown.stdout.startswith(f"pit pit, match {one}: rush plays red against roomba\n")
+    assert shown.stdout.startswith(f"pit pit, match {one}: teller plays red against roomba\n")
+    assert shown.stdout.count("log: explains\n") == len(journal.ticks)
     titles = re.findall(r"^tick (\d+) of 100   score", shown.stdout, flags=re.MULTILINE)
     assert titles == [str(tick) for tick in range(len(journal.ticks))]
     assert journal.ending is not None

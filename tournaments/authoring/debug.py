@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.annotations import Annotations
+from arena.annotations import Annotations, read_annotations
 from arena.bot_calls import stacks
 from arena.console import say, say_lines
+from arena.display.drawings import write_drawings
 from arena.display.words import name_order, name_unit
 from arena.errors import ArenaError, InputError
 from arena.policy import BatchPolicy, Faults, MatchInfo, explain_refusal, read_actions
@@ -27,6 +28,8 @@ from tournaments.authoring.recorded_seat import RecordedSeat, Turn
 _ONE_SEAT = np.zeros(1, np.intp)
 _OURS = {__file__, bdb.__file__, pdb.__file__}
 stacks.OURS.add(__file__)
+_MOST_COLUMNS = 120
+"""Of drawings side by side."""
 _CUT_SHORT = ", and what came after is not recorded"
 
 
@@ -44,13 +47,19 @@ class _Fighter:
 
     def __init__(self, spec: str, seat: RecordedSeat) -> None:
         self._policy: BatchPolicy = load(spec)(seat.ruleset, seat.team, 1)
+        self._policy.keeps_annotations = self._policy.explains = True
         self._orders = np.zeros((1, len(seat.ruleset.team(seat.team))), np.int8)
         self._policy.start(_ONE_SEAT)
 
-    def answer(self, turn: Turn, _: "_Debugger | None" = None) -> Answer:
-        """Return its orders."""
+    def answer(self, turn: Turn, debugger: "_Debugger | None" = None) -> Answer:
+        """Return its orders; with a debugger, which cannot enter it, say what it notes."""
         self._orders[:] = 0
         self._policy.act(turn.seen, self._orders)
+        side = self._policy.ruleset.side
+        notes = read_annotations(self._policy.take_annotations(0), side)
+        if debugger is not None:
+            told = [*(f"log: {line}" for line in notes["log"]), *write_drawings(notes["draw"], side, _MOST_COLUMNS)]
+            say(*told or [f"tick {turn.tick}: it notes nothing"])
         faults: Faults = self._policy.take_faults(0)
         if (self._orders[0] < 0).any():
             return Answer(None, next((first for first, _ in faults.reasons.values()), "it gave no orders"))
@@ -86,8 +95,8 @@ def debug(seat: RecordedSeat, spec: str, tick: int | None) -> bool:
     spec
         The bot, as `policies.registry.load` takes it.
     tick
-        Stop here inside its `act`, in Python's debugger, or where it raises before; None stops nowhere, and ends at the first
-        difference.
+        Stop here inside its `act`, in Python's debugger, or where it raises before; of a fighter that is no bot file, say what it
+        notes here. None stops nowhere, and ends at the first difference.
 
     Returns
     -------
@@ -97,11 +106,9 @@ def debug(seat: RecordedSeat, spec: str, tick: int | None) -> bool:
     Raises
     ------
     InputError
-        There is no such tick; or there is one, and the fighter is no bot file.
+        There is no such tick.
     """
     is_bot_file = spec.endswith(".py") and not spec.startswith(PREFIX)
-    if tick is not None and not is_bot_file:
-        raise InputError(f"--tick stops inside Python code, and {spec} is no bot file; leave --tick out to compare its orders")
     if tick is not None and not 0 <= tick < seat.n_turns:
         there = f"ticks 0 to {seat.n_turns - 1}" if seat.n_turns else "no ticks"
         raise InputError(f"--tick is {tick}; the seat was asked for orders at {there}{'' if seat.is_whole else _CUT_SHORT}")

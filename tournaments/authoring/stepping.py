@@ -34,7 +34,8 @@ class SteppedPlay:
         """Once the match is over."""
         self._plan, self._team, self._take_printed = plan, team, take_printed
         self._batch = Batch(ruleset, 1, load(plan.blue), load(plan.red))
-        self._batch.fighters[team].keeps_annotations = True
+        fighter = self._batch.fighters[team]
+        fighter.keeps_annotations = fighter.explains = True
 
     def scenes(self) -> Iterator[Scene]:
         """Yield every tick with what is ordered then, and how the board lies at the end; it can be called once."""

@@ -22,13 +22,15 @@ _MOST_SEATS = 32
 """Of one fighter at once: each is an open file."""
 
 
-def load_transcribed(load: Callable[[str], BatchFactory], opponents: Mapping[str, str], folder: Path, name: str) -> BatchFactory:
+def load_transcribed(
+    load: Callable[[str], BatchFactory], opponents: Mapping[str, str], folder: Path, name: str, *, explains: bool
+) -> BatchFactory:
     """Return the fighter that `load` returns, whose transcripts are kept; a cheat's, which is shown no fog, are not."""
     make = load(name)
     if isinstance(make, type) and issubclass(make, BatchPolicy) and make.is_cheat:
         return make
     most_seats = min(getattr(make, "most_seats", _MOST_SEATS), _MOST_SEATS)
-    return _Transcribed(make=make, most_seats=most_seats, folder=folder, name=name, opponent=opponents[name])
+    return _Transcribed(make=make, most_seats=most_seats, folder=folder, explains=explains, name=name, opponent=opponents[name])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +40,8 @@ class _Transcribed:
     make: BatchFactory
     most_seats: int
     folder: Path
+    explains: bool
+    """As a `BatchPolicy` has it."""
     name: str
     opponent: str
 
@@ -52,6 +56,7 @@ class _Policy(BatchPolicy):
         super().__init__(policy.ruleset, policy.team, policy.n_seats)
         self._policy, self._seat = policy, seat
         self._policy.keeps_annotations = True
+        self.explains = seat.explains
         self._matches = [""] * policy.n_seats
         self._writers: dict[int, TranscriptWriter] = {}
         self._annotations = [b""] * policy.n_seats
@@ -61,6 +66,7 @@ class _Policy(BatchPolicy):
         self._policy.name_match(seat, match)
 
     def start(self, seats: NDArray[np.intp]) -> None:
+        self._policy.explains = self.explains
         for seat in seats.tolist():
             self._writers[seat] = self._begin(self._matches[seat])
         self._policy.start(seats)

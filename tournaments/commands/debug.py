@@ -11,7 +11,10 @@ from policies.cli import complete_policy
 def debug(
     file: Annotated[Path, typer.Argument(metavar="TRANSCRIPT|JOURNAL", help="What is kept of the match.")],
     policy: Annotated[str, typer.Option(metavar="FILE.py|NAME", autocompletion=complete_policy, help="The bot, as it is now.")],
-    tick: Annotated[int | None, typer.Option(help="Stop inside its act at this tick, in Python's debugger.")] = None,
+    tick: Annotated[
+        int | None,
+        typer.Option(help="Stop inside its act at this tick, in Python's debugger; of a planner, show what it thinks."),
+    ] = None,
     team: Annotated[
         str | None, typer.Option(help="Whose seat of a journal: blue or red; the one that is named like the bot without it.")
     ] = None,

@@ -44,6 +44,9 @@ def play(
     transcripts: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Keep what each seat saw, ordered, logged and drew here.")
     ] = None,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Keep transcripts that say what planners thought; without DIR, in your data folder.")
+    ] = False,
     sandbox: Annotated[
         bool, typer.Option("--sandbox", help="Let bot files, programs and checkpoints see nothing of this machine.")
     ] = False,
@@ -79,7 +82,7 @@ def play(
 
     from arena.bot_calls.marked_output import marked_prints
     from arena.compiling import compile_kernels, game_kernels
-    from arena.folders import make_folder
+    from arena.folders import data_folder, make_folder
     from arena.game.keys import secret_from_seed
     from policies.precompile import fighter_kernels
     from tournaments.authoring.feedback import Feedback
@@ -92,11 +95,14 @@ def play(
     ruleset = _ruleset(rules, settings or [], board)
     specs = _entries(one, other)
     seed = secrets.randbelow(2**53) if seed is None else seed
+    if explain and transcripts is None:
+        transcripts = data_folder(None) / "transcripts" / f"seed-{seed}"
+    make_load = partial(_loader, specs, transcripts, sandbox=sandbox, explain=explain)
     first, second = specs
     if is_stepped:
         others = as_json or until_sure or any(option is not None for option in (pairs, turn_time, workers))
         plan = plan_fixture("play", first, second, 1, secret_from_seed(seed))[0]
-        _step(ruleset, plan, specs, journals, transcripts, sandbox=sandbox, others=others)
+        _step(ruleset, plan, specs, journals, make_load, others=others)
         return
     kept = None if journals is None else journals.absolute()  # a bot may leave this folder
     pairs = pairs or (MOST_PAIRS if until_sure else 10)
@@ -106,11 +112,9 @@ def play(
     with ExitStack() as fighters:
         with stdout_to_stderr():
             if turn_time is None:
-                play_matches = _without_clock(specs, bank, transcripts, sandbox=sandbox, workers=workers)
+                play_matches = _without_clock(specs, bank, make_load, sandbox=sandbox, workers=workers)
             elif transcripts is not None:
-                raise InputError(
-                    "--transcripts are kept where no clock runs; leave out --turn-time, or join a pit, which keeps them"
-                )
+                raise InputError("transcripts are kept without a clock; leave out --turn-time, or join a pit, which keeps them")
             else:
                 play_matches = _on_the_clock(specs, turn_time, bank, fighters, sandbox=sandbox, workers=workers)
             if kept is not None:
@@ -153,7 +157,7 @@ def play(
 
 
 def _without_clock(
-    specs: dict[str, str], bank: float | None, transcripts: Path | None, *, sandbox: bool, workers: int | None
+    specs: dict[str, str], bank: float | None, make_load: "Callable[[], Load]", *, sandbox: bool, workers: int | None
 ) -> "PlayMatches":
     """Return what plays in this process and its workers."""
     from arena.local.venue import play as play_locally
@@ -161,7 +165,7 @@ def _without_clock(
 
     if bank is not None:
         raise InputError("--bank is extra time for turns; give a turn its time by --turn-time")
-    load = _loader(specs, transcripts, sandbox=sandbox)
+    load = make_load()
     if sandbox and workers is None and any(map(is_file_or_program, specs.values())):
         workers = 1  # their own processes think side by side already
     return lambda ruleset, plans, journals, on_news: play_locally(
@@ -169,7 +173,7 @@ def _without_clock(
     )
 
 
-def _loader(specs: dict[str, str], transcripts: Path | None, *, sandbox: bool) -> "Load":
+def _loader(specs: dict[str, str], transcripts: Path | None, *, sandbox: bool, explain: bool) -> "Load":
     """Return what loads the fighters by the names of their entries; each has been loaded once."""
     from arena.folders import make_folder
     from policies.registry import load_entry
@@ -186,7 +190,9 @@ def _loader(specs: dict[str, str], transcripts: Path | None, *, sandbox: bool) -
     if folder is None:
         return load
     make_folder(folder, f"cannot keep transcripts in {transcripts}")
-    return partial(load_transcribed, load, dict(zip(specs, reversed(specs), strict=True)), folder)
+    if explain:
+        say(f"what planners think is kept in {folder}; `arena replay show FILE` shows one match", err=True)
+    return partial(load_transcribed, load, dict(zip(specs, reversed(specs), strict=True)), folder, explains=explain)
 
 
 def _on_the_clock(
@@ -235,9 +241,8 @@ def _step(
     plan: "MatchPlan",
     specs: dict[str, str],
     journals: Path | None,
-    transcripts: Path | None,
+    make_load: "Callable[[], Load]",
     *,
-    sandbox: bool,
     others: bool,
 ) -> None:
     """Play one match as somebody looks at it, from A's side."""
@@ -250,7 +255,7 @@ def _step(
             "--step is for somebody who looks at one match: leave out --pairs, --json, --until-sure, --turn-time and --workers"
         )
     with stdout_to_stderr():
-        load = _loader(specs, transcripts, sandbox=sandbox)
+        load = make_load()
         compile_kernels([*game_kernels(ruleset), *fighter_kernels(specs.values())])
     step_through(ruleset, plan, load, plan.team(next(iter(specs))), journals=journals)
 

@@ -3,7 +3,7 @@ import { Board, TEAMS } from "./board.js";
 import { h, setText } from "./dom.js";
 import { eventsOf, nameOf, unitsAt } from "./events.js";
 import { KeysDialog, Legend } from "./legend.js";
-import { everyUnit, sceneOf, TRUTH } from "./scene.js";
+import { everyUnit, labelsOf, sceneOf, TRUTH } from "./scene.js";
 import { Timeline } from "./timeline.js";
 
 const SPEEDS = [1, 2, 4, 8, 15, 30, 60];
@@ -19,6 +19,7 @@ const KEYS = [
   ["H", "where units went"], ["?", "these keys"],
 ];
 const BOT_KEYS = [["D", "the bot's drawings"], ["L", "the bot's log"]];
+const MAP_KEYS = [["M", "the bot's heat maps, one by one"]];
 
 export class Player {
   /**
@@ -37,7 +38,8 @@ export class Player {
     this.hovered = null;
     this.followed = null;
     this.isOfBot = data.ticks.some(({ annotations }) => annotations?.log.length || annotations?.draw.length);
-    this.layers = { orders: true, trails: false, sight: false, heat: "", drawings: true, log: true };
+    this.labels = labelsOf(data);
+    this.layers = { orders: true, trails: false, sight: false, heat: "", drawings: true, log: true, map: "" };
     this.views = data.team === undefined ? [TEAMS[0], TRUTH, TEAMS[1]] : [TEAMS[data.team]];
     this.chosen = [...this.views, ALL].includes(view) ? view : "";
     this.boards = this.views.map((name) => new Board(data.rules, name));
@@ -63,8 +65,10 @@ export class Player {
       h("button", { type: "button", title: `${label} (${key.toUpperCase()})`, onclick: () => this.switch(name) }, label));
     this.heat = this.views.includes(TRUTH) ? h("select", { "aria-label": "Where units went", onchange: () => this.warm(this.heat.value) },
       HEATS.map((team) => h("option", { value: team }, team ? `Where ${team === "both" ? "both" : team} went` : "No heat map"))) : null;
+    this.maps = this.labels.size ? h("select", { "aria-label": "The bot's heat maps", onchange: () => this.chart(this.maps.value) },
+      h("option", { value: "" }, "All its maps"), [...this.labels].map(([label, colour]) => h("option", { value: label }, `${label} (${colour})`))) : null;
     this.log = h("ol", { class: "log", "aria-label": "The bot's log" });
-    this.keys = new KeysDialog([...KEYS, ...(this.isOfBot ? BOT_KEYS : [])]);
+    this.keys = new KeysDialog([...KEYS, ...(this.isOfBot ? BOT_KEYS : []), ...(this.maps ? MAP_KEYS : [])]);
     this.figures = this.boards.map((board, index) => h("figure", {}, h("figcaption", {}, this.captionOf(this.views[index])), board.canvas));
     this.boardRow = h("div", { class: "boards" }, this.figures);
     stage.append(
@@ -76,7 +80,7 @@ export class Player {
         button("\u25b6", "One tick on", () => this.step(1)), button("\u21e5", "To the next event", () => this.seek(1)),
         this.tickSays, this.pace, button("?", "Keys", () => this.keys.toggle(), { class: "keys" })),
       this.events,
-      h("div", { class: "controls layers", role: "group", "aria-label": "Shown on the boards" }, this.switches, this.heat),
+      h("div", { class: "controls layers", role: "group", "aria-label": "Shown on the boards" }, this.switches, this.maps, this.heat),
       new Legend(this.isOfBot).element,
       h("details", {}, h("summary", {}, "Units as a table"), h("div", { class: "scroll" }, h("table", { "aria-label": "Units" },
         h("thead", {}, h("tr", {}, ...["Unit", "Row", "Column", "State", "Order"].map((name) => h("th", { scope: "col" }, name)))), this.rows))),
@@ -131,6 +135,13 @@ export class Player {
   warm(team) {
     this.layers.heat = team;
     if (this.heat) this.heat.value = team;
+    this.draw();
+  }
+
+  /** Show one heat of the bot's alone, by its label, or all. */
+  chart(label) {
+    this.layers.map = label;
+    this.maps.value = label;
     this.draw();
   }
 
@@ -250,6 +261,8 @@ export class Player {
       h: () => this.heat && this.warm(HEATS[(HEATS.indexOf(this.layers.heat) + 1) % HEATS.length]),
       "?": () => this.keys.toggle(),
     };
+    const labels = ["", ...this.labels.keys()];
+    if (this.maps) keys.m = () => this.chart(labels[(labels.indexOf(this.layers.map) + 1) % labels.length]);
     for (const [name, [letter]] of Object.entries(SWITCHES)) keys[letter] = () => this.switch(name);
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (!keys[key] || (isButton && key === " ") || (this.keys.element.open && key !== "?")) return;

@@ -14,7 +14,8 @@ export function everyUnit(tick) {
 /**
  * The scene of a view, "blue", "truth" or "red", at a tick.
  *
- * `layers` says what is on: orders, trails, sight, drawings, log, and under heat "", a team or "both". `pointed` is a cell or null.
+ * `layers` says what is on: orders, trails, sight, drawings, log, under heat "", a team or "both", and under map the label of the
+ * one heat of a bot's that is shown, or "" for all. `pointed` is a cell or null.
  * A view shows of the enemy what its team sees, and that has no numbers and no orders.
  */
 export function sceneOf(data, at, view, layers, pointed) {
@@ -36,7 +37,7 @@ export function sceneOf(data, at, view, layers, pointed) {
     names: new Map(layers.orders ? units.map((unit) => [`${unit.cell[0] * side + unit.cell[1]} ${CODES[unit.team][kindOf(unit).flies ? 1 : 0]}`, `${unit.index}`]) : []),
     arrows: layers.orders && tick.orders ? units.map(({ team, index, cell }) => ({ cell, team: TEAMS[team], action: Number(tick.orders[team][index]) })) : [],
     marks: eventsOf(rules, tick).marks.filter(isShown),
-    drawings: layers.drawings && own === (data.noted ?? data.team) ? (tick.annotations?.draw ?? []).map(decode) : [],
+    drawings: layers.drawings && own === (data.noted ?? data.team) ? drawingsOf(tick, layers.map) : [],
   };
 }
 
@@ -81,6 +82,21 @@ function heatsOf(data, chosen) {
     counted.set(data, counts);
   }
   return TEAMS.flatMap((team, index) => (chosen === team || chosen === "both" ? [{ levels: counts.levels[index], colour: `unit-${team}` }] : []));
+}
+
+/** The labels of all heats that a bot drew, by its colours: a Map, in the order in which they came. */
+export function labelsOf({ ticks }) {
+  const heats = ticks.flatMap(({ annotations }) => (annotations?.draw ?? []).filter(({ label }) => label));
+  return new Map(heats.map(({ label, colour }) => [label, colour]));
+}
+
+/** What a bot drew, of its labelled heats only `map` if that is one. Of several heats, a cell shows the strongest: mixed, they are mud. */
+function drawingsOf(tick, map) {
+  const drawings = (tick.annotations?.draw ?? []).filter(({ label }) => !map || !label || label === map).map(decode);
+  const heats = drawings.filter(({ levels }) => levels);
+  if (heats.length < 2) return drawings;
+  const most = heats[0].levels.map((_, cell) => Math.max(...heats.map(({ levels }) => levels[cell])));
+  return drawings.map((one) => (one.levels ? { ...one, levels: one.levels.map((level, cell) => (level < most[cell] ? 0 : level)) } : one));
 }
 
 const decoded = new WeakMap();

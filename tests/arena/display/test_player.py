@@ -166,4 +166,4 @@ def test_a_match_without_ticks_shows_nothing() -> None:
 def test_every_key_is_in_the_list_of_keys() -> None:
     named = " ".join(keys for keys, _ in KEYS).replace(",", "").split()
 
-    assert set(named) == {*"nNvuld?q+-", "space", "right", "left", "home", "end", "down", "up"}
+    assert set(named) == {*"nNvuldm?q+-", "space", "right", "left", "home", "end", "down", "up"}

@@ -145,3 +145,22 @@ def test_drawings_stand_on_what_the_fighter_saw_alone_and_are_switched_off() -> 
     assert (drawn[4][6:8], drawn[5][:4], drawn[2][:2]) == ("go", "• • ", "U2")
     assert (drawn[4].count("go"), colours.count("48;2;249;168;37"), colours.count("48;2;21;101;192")) == (1, 1, 1)
     assert "•" not in "".join(draw(player))
+
+
+def test_a_heat_map_is_chosen_by_its_label_and_of_all_the_strongest_colours_a_cell() -> None:
+    """Red lies strongly on the first cell of row 2, blue weakly there and strongly beside it."""
+    heats = {"red": bytes([0] * 12 + [255, 64] + [0] * 22), "blue": bytes([0] * 12 + [64, 255] + [0] * 22)}
+    drawings = [{"heat": heat, "colour": colour, "label": f"in {colour}"} for colour, heat in heats.items()]
+    player = open_player(scene(6, drawings=drawings))
+    strong_red, strong_blue = "48;2;198;40;40m· ", "48;2;21;101;192m· "
+
+    def look() -> tuple[bool, bool, str]:
+        lines = draw(player, colours=True)
+        return strong_red in lines[4], strong_blue in lines[4], lines[-1].partition("  map ")[2].partition("  ")[0]
+
+    shown = [look()]
+    for _ in range(3):
+        player.press("m", 0.0)
+        shown.append(look())
+
+    assert shown == [(True, True, ""), (True, False, "in red"), (False, True, "in blue"), (True, True, "")]

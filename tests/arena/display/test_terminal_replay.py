@@ -15,6 +15,7 @@ from rich.console import Console
 from worlds import lay, rules_for
 
 from arena.annotations import Annotations
+from arena.display.drawings import write_drawings
 from arena.display.scene import scenes_of_transcript
 from arena.display.text import draw_board
 from arena.display.words import format_last_tick
@@ -188,6 +189,24 @@ def test_what_the_bot_noted_stands_under_its_tick(arena: Run, tmp_path: Path) ->
 
     assert second[-8:] == [r"log: raw \x1b[2J", "drawn:", "..---9", "--G-9-", "---9--", "--9---", "-9----", "9-----"]
     assert len(first) == len(second) - 8
+
+
+def test_heat_maps_with_labels_stand_side_by_side_on_as_many_columns_as_there_are() -> None:
+    notes = Annotations(3)
+    notes.draw.path([(0, 0), (0, 1)])
+    for number in range(3):
+        notes.draw.heat(np.eye(3) * (number + 1), label=f"u{number}\t")
+
+    assert write_drawings(notes.to_dict()["draw"], 3, 18) == [
+        r"drawn:  u0\t:",
+        "..-     9--",
+        "---     -9-",
+        "---     --9",
+        r"u1\t:   u2\t:",
+        "9--     9--",
+        "-9-     -9-",
+        "--9     --9",
+    ]
 
 
 def test_a_transcript_without_an_ending_says_so(arena: Run, race: Path, tmp_path: Path) -> None:

@@ -30,9 +30,13 @@ PICTURE = "it => it.toDataURL()"
 
 @pytest.fixture
 def transcript(transcribe: Callable[..., Path], data: bytes, tmp_path: Path) -> Path:
-    """Return a transcript whose bot logs at ticks 3 and 5, and draws at 5."""
+    """Return a transcript whose bot logs at ticks 3 and 5, draws at 5, and shows where two enemies may be at 1 and one at 2."""
 
     def note(notes: Annotations, tick: int) -> None:
+        if tick in (1, 2):
+            notes.draw.heat(np.eye(20), "red", "ugv 1")
+        if tick == 1:
+            notes.draw.heat(np.eye(20)[::-1], "blue", EVIL)
         if tick in (3, 5):
             notes.log(EVIL, tick)
         if tick == 5:
@@ -71,6 +75,33 @@ def test_a_transcript_is_dropped_and_its_log_and_drawings_are_seen_at_their_tick
     assert axe(page, False) == ""
     assert is_harmless(page)
     assert EVIL in (page.get_by_role("heading", level=1).text_content() or "")
+
+
+def test_heat_maps_with_labels_are_seen_together_or_one_alone(home: str, transcript: Path, visit: Visit) -> None:
+    page = visit(f"{home}/open")
+    page.get_by_label("Journal or transcript").set_input_files(transcript)
+    says(page, "What mybot saw as red. Over: ")
+    maps, board = page.get_by_label("The bot's heat maps"), page.get_by_role("img")
+    page.keyboard.press("ArrowRight")
+
+    assert maps.locator("option").all_text_contents() == ["All its maps", "ugv 1 (red)", f"{EVIL[:20]} (blue)"]
+    together = board.evaluate(PICTURE)
+    alone = []
+    for _ in range(2):
+        page.keyboard.press("m")
+        alone.append(board.evaluate(PICTURE))
+    page.keyboard.press("ArrowRight")
+    neither = board.evaluate(PICTURE)  # the other has none at this tick
+    maps.select_option("ugv 1")
+    assert board.evaluate(PICTURE) != neither
+    page.locator("h1").click()
+    page.keyboard.press("ArrowLeft")
+    assert board.evaluate(PICTURE) == alone[0]
+    for _ in range(2):
+        page.keyboard.press("m")
+    assert board.evaluate(PICTURE) == together
+    assert len({together, *alone}) == 3
+    assert is_harmless(page)
 
 
 def test_a_transcript_beside_the_journal_of_its_match_shows_its_notes_on_its_own_side_alone(

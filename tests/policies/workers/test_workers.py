@@ -292,6 +292,40 @@ def test_what_a_bot_notes_comes_back_where_it_is_asked_for(is_kept: bool, start:
     assert policy.take_annotations(0) == b""
 
 
+SAYS_WHAT_IS_WANTED = """
+from arena.annotations import Annotations
+from arena.policy import BatchPolicy
+class Wanted(BatchPolicy):
+    def act(self, seen, orders):
+        pass
+    def take_annotations(self, seat):
+        notes = Annotations(self.ruleset.side)
+        notes.log(self.keeps_annotations, self.explains)
+        return notes.pack()
+"""
+
+
+@pytest.mark.parametrize("explains", [False, True])
+def test_a_fighter_in_a_process_hears_whether_it_is_to_explain_itself(
+    explains: bool, board: BatchedGame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "wanted.py").write_text(SAYS_WHAT_IS_WANTED)
+    (tmp_path / "wanted-1.dist-info").mkdir()
+    (tmp_path / "wanted-1.dist-info" / "METADATA").write_text("Name: wanted\nVersion: 1\n")
+    (tmp_path / "wanted-1.dist-info" / "entry_points.txt").write_text("[arena.policies]\nwanted = wanted:Wanted\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    factory = WorkerFactory("wanted")
+    try:
+        policy = factory(PAPER, Team.BLUE, 1)
+        policy.keeps_annotations, policy.explains = True, explains
+        policy.start(np.arange(1))
+        act(policy, board)
+
+        assert read_annotations(policy.take_annotations(0), PAPER.side)["log"] == [f"True {explains}"]
+    finally:
+        factory.close()
+
+
 FORGES_ITS_NOTES = """
 import os
 from policies.workers.frames import pack

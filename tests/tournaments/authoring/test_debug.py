@@ -201,11 +201,21 @@ def test_our_fighters_and_programs_are_compared_alone(debug: Run, journal: Path,
     code, lines = debug(journal, "--policy", program, "--team", "blue")
     assert (code, lines[1][:7]) == (1, "tick 0:")
     assert "stay, it was " in lines[1]
-    code, lines = debug(journal, "--policy", "rush", "--tick", 3)
-    assert (code, lines) == (
-        2,
-        ["arena: --tick stops inside Python code, and rush is no bot file; leave --tick out to compare its orders"],
+
+
+def test_what_our_fighters_and_programs_note_at_a_tick_is_shown(debug: Run, journal: Path, tmp_path: Path) -> None:
+    (tmp_path / "notes.py").write_text(
+        "import json\nfor line in map(json.loads, iter(input, '')):\n"
+        "    if line['type'] == 'observation': print(json.dumps({'orders': [0] * len(line['units']), 'log': line['tick'] * 'x',"
+        " 'draw': [{'cell': [0, line['tick']]}]}), flush=True)\n"
     )
+    program = f"exec:{sys.executable} {tmp_path / 'notes.py'}"
+
+    code, lines = debug(journal, "--policy", "rush", "--tick", 3)
+    assert (code, lines[1:]) == (0, ["tick 3: it notes nothing", "its orders are those that were played, at all 14 ticks"])
+    code, lines = debug(journal, "--policy", program, "--team", "blue", "--tick", 3)
+    assert (code, lines[1][:7], lines[2:5]) == (1, "tick 0:", ["log: xxx", "drawn:", f"---*{16 * '-'}"])
+    assert len(lines) == 4 + 20
 
 
 def test_what_cannot_be_debugged_is_one_sentence(debug: Run, bot: Path, journal: Path, transcript: Path, tmp_path: Path) -> None:
