@@ -27,9 +27,20 @@ _FIRST = np.zeros(1, np.intp)
 class _Seat:
     """A policy for one seat of one match."""
 
-    def __init__(self, make: BatchFactory, ruleset: Ruleset, team: Team, match: str, *, keeps_annotations: bool) -> None:
+    def __init__(
+        self,
+        make: BatchFactory,
+        ruleset: Ruleset,
+        team: Team,
+        match: str,
+        *,
+        turn_time_s: float | None,
+        keeps_annotations: bool,
+    ) -> None:
         self._policy = make(ruleset, team, 1)
         self._policy.name_match(0, match)
+        if turn_time_s is not None:
+            self._policy.set_turn_time(turn_time_s)
         self._policy.keeps_annotations = keeps_annotations
         self._reader = ObservationReader(ruleset, team)
         self._orders = np.zeros((1, len(ruleset.team(team))), np.int8)
@@ -71,8 +82,10 @@ def main() -> None:
     seats: dict[int, _Seat] = {}
     while (message := read_frame(inbox)) is not None:
         match message:
-            case ["start", seat, rules, team, name, keeps]:
-                seats[seat] = _Seat(make, read_rules(rules), Team(team), name, keeps_annotations=keeps)
+            case ["start", seat, rules, team, name, turn_time_s, keeps]:
+                seats[seat] = _Seat(
+                    make, read_rules(rules), Team(team), name, turn_time_s=turn_time_s, keeps_annotations=keeps
+                )  # fmt: skip
                 outbox.write(pack([seat, b"", *seats[seat].notes()]))
             case ["act", seat, data]:
                 orders = seats[seat].act(data)
