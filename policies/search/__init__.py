@@ -1,0 +1,1 @@
+"""Planners: fighters that look ahead with the rules themselves."""
