@@ -20,6 +20,7 @@ from arena.game.observation import Observations
 from arena.local import venue as local
 from benchmarks import kernel
 from benchmarks.measuring import rates as measure
+from benchmarks.measuring import turns
 from policies.heuristics.random import Random
 from policies.registry import load, names
 from tournaments.commands import bench
@@ -44,7 +45,7 @@ def _in_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measure.paired_rates, "__defaults__", (2,))
     # A clock on which every look takes a millisecond: no rate is rounded to 0 because the machine was busy.
     clock = SimpleNamespace(perf_counter=partial(next, count(0, 0.001)), perf_counter_ns=partial(next, count(0, 1_000_000)))
-    for module in (measure, benchmarks.local, benchmarks.policies):
+    for module in (measure, benchmarks.local, turns):
         monkeypatch.setattr(module, "time", clock)
     for module in (kernel, benchmarks.policies, benchmarks.local):
         monkeypatch.setattr(module, "RUNS", 1)
@@ -126,12 +127,12 @@ def test_turns_that_take_longer_than_a_fighter_was_told_are_late(
         def act(self, observations: Observations, orders: np.ndarray) -> None:
             if self.dawdles and observations.tick[0] % 2:
                 for _ in range(4):
-                    benchmarks.policies.time.perf_counter_ns()
+                    turns.time.perf_counter_ns()
 
     monkeypatch.setattr(benchmarks.policies, "_TICKS", 2)
     monkeypatch.setattr(benchmarks.policies, "_TICKS_ALONE", 10)
     monkeypatch.setattr(benchmarks.policies, "names", lambda: ["dawdler"])
-    monkeypatch.setattr(benchmarks.policies, "load", lambda _: Dawdler)
+    monkeypatch.setattr(benchmarks.policies, "load", {"dawdler": Dawdler, "random": Random}.__getitem__)
 
     results = benchmarks.policies.run(lambda _: None, turn_time=turn_time)
 
