@@ -5,6 +5,12 @@ import time
 from collections.abc import Callable
 from statistics import median
 
+import numpy as np
+
+from arena.game.observation import Observations
+from arena.game.ruleset import Ruleset
+from arena.game.types import FLAGS, HALVES, Code, Team
+
 SHARE = 0.5
 """Of a turn's time that thinking may take. The rest is for the way to the pit and back, for what else this machine does, the
 enemy's client perhaps, and for positions that are dearer than the one that was measured.
@@ -65,6 +71,22 @@ def _time(think: Callable[[int], object], n: int, allowed_s: float, clock: Calla
         taken.append(clock() - began_s)
         n_slow += taken[-1] > allowed_s
     return median(taken)
+
+
+def make_opening(ruleset: Ruleset, team: Team) -> Observations:
+    """Return about what one seat is shown when a match begins, to think about before there is one; no enemy is in sight."""
+    side, units = ruleset.side, ruleset.team(team)
+    columns = np.arange(side) < side // 2
+    ground = np.where(columns if team is Team.BLUE else ~columns, int(HALVES[team]), int(Code.HIDDEN))
+    home = np.flatnonzero(np.tile(ground == HALVES[team], side))
+    opening = Observations.blank(ruleset, team, 1)
+    opening.ground[0, : side * side] = np.tile(ground, side)
+    opening.ground[0, home[-1]] = FLAGS[team]
+    opening.cell[0] = home[np.arange(len(units)) * len(home) // max(len(units), 1)]
+    opening.alive[0] = 1
+    opening.living[0] = len(units), len(ruleset.team(team.other))
+    opening.seed[0] = 1
+    return opening
 
 
 def describe_budget(name: str, fits: int, wanted: int, least: int, turn_s: float, instead: str) -> str:

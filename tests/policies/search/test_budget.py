@@ -9,7 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from policies.search.budget import SHARE, describe_budget, fit_budget
+from arena.game.ruleset import load
+from arena.game.types import HALVES, Team
+from policies.heuristics.role_team import RoleTeam
+from policies.search.budget import SHARE, describe_budget, fit_budget, make_opening
 
 COLD_S = 30.0
 
@@ -84,6 +87,24 @@ def test_real_work_takes_about_its_share_of_the_turn(work: Callable[[int], objec
         work(fits)
         taken.append(clock() - began_s)
     assert SHARE * turn_s / 4 < min(taken) < turn_s
+
+
+@pytest.mark.parametrize("rules", ["paper", "gym-cap", "mirror"])
+@pytest.mark.parametrize("team", Team)
+def test_an_opening_shows_all_own_units_alive_on_cells_of_their_own_in_their_half(rules: str, team: Team) -> None:
+    ruleset = load(rules)
+
+    opening = make_opening(ruleset, team)
+
+    seen = opening.seat(0, ruleset)
+    cells = {(unit.row, unit.column) for unit in seen.units if unit.alive}
+    assert len(cells) == len(ruleset.team(team)) == opening.living[0, 0]
+    assert all(seen.ground[cell] == HALVES[team] for cell in cells)
+    orders = np.full((1, len(cells)), -1, np.int8)
+    fighter = RoleTeam(ruleset, team, 1)
+    fighter.start(np.zeros(1, np.intp))
+    fighter.act(opening, orders)
+    assert orders.any(), "its units have somewhere to go"
 
 
 def test_what_a_clock_leaves_of_a_budget_is_said_in_a_sentence() -> None:
