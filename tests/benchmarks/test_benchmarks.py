@@ -18,11 +18,12 @@ import benchmarks.policies
 from arena.errors import InputError
 from arena.game.observation import Observations
 from arena.local import venue as local
-from benchmarks import kernel
+from benchmarks import kernel, planner
 from benchmarks.measuring import rates as measure
 from benchmarks.measuring import turns
 from policies.heuristics.random import Random
 from policies.registry import load, names
+from policies.search.planner import PlannerFast
 from tournaments.commands import bench
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -110,6 +111,22 @@ def test_every_fighter_is_measured_in_a_batch_that_suits_it_and_alone(monkeypatc
         assert tuple(row) == (f"batch_{batch}_ns", "batch_1_ns", "batch_1_p99_ns", "late")
         assert row.pop("late") == 0.0
     assert is_positive(results)
+
+
+def test_playouts_are_held_against_the_rules_and_planners_are_timed_and_weighed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planner, "PLANNERS", {"planner-fast": PlannerFast})
+    for name, size in {"WORLDS": 3, "_TURNS": 3, "_FIRST_TURNS": 1}.items():
+        monkeypatch.setattr(planner, name, size)
+
+    results = planner.run(lambda _: None)
+
+    assert {name: tuple(figures) for name, figures in results.items()} == {
+        "playout": ("us", "rules_us", "over_rules", "per_s", "ticks"),
+        "planner-fast": ("budget", "ms", "p99_ms", "memory_mb"),
+    }
+    assert is_positive(results)
+    assert results["playout"]["ticks"] <= planner.HORIZON
+    assert json.loads(json.dumps(results)) == results
 
 
 @pytest.mark.parametrize(("turn_time", "late"), [(0.004, 0.5), (1.0, 0.0), (0.002, 0.0)])
