@@ -146,6 +146,9 @@ class BatchPolicy(ABC):
     def name_match(self, seat: int, match: str) -> None:
         """Hear, before `start`, what the match of `seat` is called: for what its author is told."""
 
+    def set_turn_time(self, seconds: float) -> None:
+        """Hear, before the first match, how long a turn may take, all that is done in it included; only where a clock runs."""
+
     def start(self, seats: NDArray[np.intp]) -> None:
         """Forget what `seats` remember: a new match begins there."""
 

@@ -192,7 +192,8 @@ class Runner:
 
     def _make_seat(self, ticket: Ticket, commitment: bytes, pit_key: bytes) -> Seat:
         settings = self._settings
-        seat = Seat(ticket, commitment, settings.make, clock=time.monotonic)
+        n_in_turn = 1 if settings.is_patient else settings.n_slots  # a patient client's policies think elsewhere, side by side
+        seat = Seat(ticket, commitment, settings.make, clock=time.monotonic, n_in_turn=n_in_turn)
         if settings.transcripts is not None:
             header = TranscriptHeader(
                 match=ticket.match,

@@ -61,7 +61,15 @@ class _Shown(NamedTuple):
 
 
 class Seat:
-    """A policy that plays one seat."""
+    """A policy that plays one seat.
+
+    Parameters
+    ----------
+    clock
+        Times the policy's turns, in seconds.
+    n_in_turn
+        Seats whose policies think one after the other, so that each has a share of a turn's time.
+    """
 
     def __init__(
         self,
@@ -71,6 +79,7 @@ class Seat:
         *,
         match: str = "",
         clock: Callable[[], float] | None = None,
+        n_in_turn: int = 1,
     ) -> None:
         self.ticket, self.commitment = ticket, commitment
         self.ruleset, self.team = read_ticket(ticket)
@@ -91,6 +100,8 @@ class Seat:
         """The observation that was read last: its bytes, and what they say."""
         self._policy: BatchPolicy = make(self.ruleset, self.team, 1)
         self._policy.name_match(0, match or ticket.match)
+        if ticket.turn_time_s is not None:
+            self._policy.set_turn_time(ticket.turn_time_s / n_in_turn)
         self._has_started = False
         self._must_say_ready = False
         self._waiting: deque[_Shown] = deque()

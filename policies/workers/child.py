@@ -28,11 +28,21 @@ class _Seat:
     """A policy for one seat of one match."""
 
     def __init__(
-        self, make: BatchFactory, ruleset: Ruleset, team: Team, match: str, *, keeps_annotations: bool, explains: bool
+        self,
+        make: BatchFactory,
+        ruleset: Ruleset,
+        team: Team,
+        match: str,
+        *,
+        turn_time_s: float | None,
+        keeps: bool,
+        explains: bool,
     ) -> None:
         self._policy = make(ruleset, team, 1)
         self._policy.name_match(0, match)
-        self._policy.keeps_annotations, self._policy.explains = keeps_annotations, explains
+        if turn_time_s is not None:
+            self._policy.set_turn_time(turn_time_s)
+        self._policy.keeps_annotations, self._policy.explains = keeps, explains
         self._reader = ObservationReader(ruleset, team)
         self._orders = np.zeros((1, len(ruleset.team(team))), np.int8)
         self._policy.start(_FIRST)
@@ -73,8 +83,9 @@ def main() -> None:
     seats: dict[int, _Seat] = {}
     while (message := read_frame(inbox)) is not None:
         match message:
-            case ["start", seat, rules, team, name, keeps, explains]:
-                seats[seat] = _Seat(make, read_rules(rules), Team(team), name, keeps_annotations=keeps, explains=explains)
+            case ["start", seat, rules, team, name, turn_time_s, keeps, explains]:
+                options = {"turn_time_s": turn_time_s, "keeps": keeps, "explains": explains}
+                seats[seat] = _Seat(make, read_rules(rules), Team(team), name, **options)
                 outbox.write(pack([seat, b"", *seats[seat].notes()]))
             case ["act", seat, data]:
                 orders = seats[seat].act(data)

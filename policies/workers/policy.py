@@ -234,10 +234,15 @@ class WorkerPolicy(BatchPolicy):
         """Of matches that are over."""
         self._rules = rules_values(ruleset)
         self._places = [Place("", team)] * n_seats
+        self._turn_time_s: float | None = None
 
     def name_match(self, seat: int, match: str) -> None:
         """Hear what the match of `seat` is called."""
         self._places[seat] = Place(match, self.team)
+
+    def set_turn_time(self, seconds: float) -> None:
+        """Hear how long a turn may take; each process is told with its next match."""
+        self._turn_time_s = seconds
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Begin a match for each of `seats`; `Thinking` while one is not ready for it."""
@@ -308,8 +313,10 @@ class WorkerPolicy(BatchPolicy):
         if worker.is_loaded and not row.is_begun:
             row.is_begun = True
             worker.asked = row.place, START
-            wanted = {"keeps_annotations": self.keeps_annotations, "explains": self.explains}
-            worker.start(row.number, self._rules, int(self.team), row.place.match, **wanted)
+            worker.start(
+                row.number, self._rules, int(self.team), row.place.match, turn_time_s=self._turn_time_s,
+                keeps_annotations=self.keeps_annotations, explains=self.explains,
+            )  # fmt: skip
         if not row.is_started and worker.failure is not None:
             row.is_started = True
         elif not row.is_started and row.is_begun and (answer := worker.take(row.number)) is not None:

@@ -127,10 +127,20 @@ class Worker:
         self._listener = Thread(target=self._listen, name=f"listens to {spec}", daemon=True)
         self._listener.start()
 
-    def start(self, seat: int, rules: dict[str, Any], team: int, match: str, *, keeps_annotations: bool, explains: bool) -> None:
+    def start(
+        self,
+        seat: int,
+        rules: dict[str, Any],
+        team: int,
+        match: str,
+        *,
+        turn_time_s: float | None,
+        keeps_annotations: bool,
+        explains: bool,
+    ) -> None:
         """Begin a match under a number that is new."""
         self._answers[seat] = deque()
-        self._send(["start", seat, rules, team, match, keeps_annotations, explains], n_answers=1)
+        self._send(["start", seat, rules, team, match, turn_time_s, keeps_annotations, explains], n_answers=1)
 
     def ask(self, seat: int, observation: bytes) -> None:
         """Show a seat an observation."""

@@ -10,15 +10,20 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import benchmarks.local
 import benchmarks.policies
 from arena.errors import InputError
+from arena.game.observation import Observations
 from arena.local import venue as local
-from benchmarks import kernel
+from benchmarks import kernel, planner
 from benchmarks.measuring import rates as measure
-from policies.registry import names
+from benchmarks.measuring import turns
+from policies.heuristics.random import Random
+from policies.registry import load, names
+from policies.search.planner import PlannerFast
 from tournaments.commands import bench
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -41,7 +46,7 @@ def _in_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measure.paired_rates, "__defaults__", (2,))
     # A clock on which every look takes a millisecond: no rate is rounded to 0 because the machine was busy.
     clock = SimpleNamespace(perf_counter=partial(next, count(0, 0.001)), perf_counter_ns=partial(next, count(0, 1_000_000)))
-    for module in (measure, benchmarks.local, benchmarks.policies):
+    for module in (measure, benchmarks.local, turns):
         monkeypatch.setattr(module, "time", clock)
     for module in (kernel, benchmarks.policies, benchmarks.local):
         monkeypatch.setattr(module, "RUNS", 1)
@@ -94,14 +99,61 @@ def test_a_yardstick_that_is_not_there_is_said_before_anything_is_measured(
     assert done.stderr == f"arena: ARENA_YARDSTICK is {tmp_path}; there is no ctfkernel.py\n"
 
 
-def test_every_fighter_is_measured_in_a_batch_and_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(benchmarks.policies, "_TICKS", {1024: 2, 1: 3})
+def test_every_fighter_is_measured_in_a_batch_that_suits_it_and_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(benchmarks.policies, "_TICKS", 2)
+    monkeypatch.setattr(benchmarks.policies, "_TICKS_ALONE", 3)
 
     results = benchmarks.policies.run(lambda _: None)
 
     assert list(results) == names()
-    assert {tuple(row) for row in results.values()} == {("batch_1024_ns", "batch_1_ns", "batch_1_p99_ns")}
+    for name, row in results.items():
+        batch = min(getattr(load(name), "most_seats", 1024), 1024)
+        assert tuple(row) == (f"batch_{batch}_ns", "batch_1_ns", "batch_1_p99_ns", "late")
+        assert row.pop("late") == 0.0
     assert is_positive(results)
+
+
+def test_playouts_are_held_against_the_rules_and_planners_are_timed_and_weighed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planner, "PLANNERS", {"planner-fast": PlannerFast})
+    for name, size in {"WORLDS": 3, "_TURNS": 3, "_FIRST_TURNS": 1}.items():
+        monkeypatch.setattr(planner, name, size)
+
+    results = planner.run(lambda _: None)
+
+    assert {name: tuple(figures) for name, figures in results.items()} == {
+        "playout": ("us", "rules_us", "over_rules", "per_s", "ticks"),
+        "planner-fast": ("budget", "ms", "p99_ms", "memory_mb"),
+    }
+    assert is_positive(results)
+    assert results["playout"]["ticks"] <= planner.HORIZON
+    assert json.loads(json.dumps(results)) == results
+
+
+@pytest.mark.parametrize(("turn_time", "late"), [(0.004, 0.5), (1.0, 0.0), (0.002, 0.0)])
+def test_turns_that_take_longer_than_a_fighter_was_told_are_late(
+    turn_time: float, late: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Dawdler(Random):
+        """Takes five milliseconds for every other turn, unless it hears that there are no more than two."""
+
+        dawdles = True
+
+        def set_turn_time(self, seconds: float) -> None:
+            self.dawdles = seconds > 0.002
+
+        def act(self, observations: Observations, orders: np.ndarray) -> None:
+            if self.dawdles and observations.tick[0] % 2:
+                for _ in range(4):
+                    turns.time.perf_counter_ns()
+
+    monkeypatch.setattr(benchmarks.policies, "_TICKS", 2)
+    monkeypatch.setattr(benchmarks.policies, "_TICKS_ALONE", 10)
+    monkeypatch.setattr(benchmarks.policies, "names", lambda: ["dawdler"])
+    monkeypatch.setattr(benchmarks.policies, "load", {"dawdler": Dawdler, "random": Random}.__getitem__)
+
+    results = benchmarks.policies.run(lambda _: None, turn_time=turn_time)
+
+    assert results["dawdler"]["late"] == late
 
 
 def test_the_local_venue_is_measured_with_its_journals(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -137,17 +189,24 @@ def test_bench_lists_what_can_be_measured(arena: Run) -> None:
     assert done.returncode == 0
 
 
-def test_minutes_are_told_to_those_who_take_them(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(("option", "untold"), [("minutes", 2.0), ("turn_time", 0.1)])
+def test_an_option_is_told_to_those_who_take_it(
+    option: str, untold: float, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     def quick(progress: Any) -> dict[str, Any]:
         return {"ran": True}
 
     def long(progress: Any, minutes: float = 2.0) -> dict[str, Any]:
         return {"minutes": minutes}
 
-    monkeypatch.setattr(bench, "_find", lambda: {"quick": lambda: quick, "long": lambda: long})
+    def late(progress: Any, turn_time: float = 0.1) -> dict[str, Any]:
+        return {"turn_time": turn_time}
 
-    for minutes, told in ((None, 2.0), (0.5, 0.5)):
-        bench.bench([], run_all=True, minutes=minutes, as_json=True)
-        assert json.loads(capsys.readouterr().out) == {"long": {"minutes": told}, "quick": {"ran": True}}
-    with pytest.raises(InputError, match=r"--minutes is for benchmarks .*; quick do not"):
-        bench.bench(["quick"], minutes=1.0)
+    one = long if option == "minutes" else late
+    monkeypatch.setattr(bench, "_find", lambda: {"quick": lambda: quick, "one": lambda: one})
+
+    for given, told in ((None, untold), (0.5, 0.5)):
+        bench.bench([], run_all=True, as_json=True, **{option: given})  # type: ignore[arg-type]  # each is a float
+        assert json.loads(capsys.readouterr().out) == {"one": {option: told}, "quick": {"ran": True}}
+    with pytest.raises(InputError, match=rf"--{option.replace('_', '-')} is for benchmarks .*; quick do not"):
+        bench.bench(["quick"], **{option: 1.0})  # type: ignore[arg-type]

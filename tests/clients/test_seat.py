@@ -61,6 +61,14 @@ class Diary(BatchPolicy):
         super().__init__(ruleset, team, n_seats)
         self.asked: list[int] = []
         self.heard: list[MatchResult] = []
+        self.calls: list[str | float] = []
+        """What it was told before it acted: turn times, in seconds, and that a match starts."""
+
+    def set_turn_time(self, seconds: float) -> None:
+        self.calls.append(seconds)
+
+    def start(self, seats: np.ndarray) -> None:
+        self.calls.append("start")
 
     def act(self, observations: Observations, orders: np.ndarray) -> None:
         self.asked.append(int(observations.tick[0]))
@@ -93,14 +101,14 @@ class Observed:
             assert asked == list(range(len(asked)))
 
 
-def seated(**changes: Any) -> tuple[Seat, Diary]:
+def seated(*, n_in_turn: int = 1, **changes: Any) -> tuple[Seat, Diary]:
     diaries: list[Diary] = []
 
     def make(*arguments: Any) -> Diary:
         diaries.append(Diary(*arguments))
         return diaries[-1]
 
-    return Seat(ticket(**changes), COMMITMENT, make), diaries[0]
+    return Seat(ticket(**changes), COMMITMENT, make, n_in_turn=n_in_turn), diaries[0]
 
 
 def observations_of(n_ticks: int) -> list[bytes]:
@@ -129,6 +137,20 @@ def history(first: int, end: int, end_tick: int | None = None) -> History:
 
 def turn(tick: int) -> Turn:
     return Turn(tick=tick, observation=SHOWN[tick])
+
+
+@pytest.mark.parametrize(("turn_time_s", "n_in_turn", "heard"), [(0.5, 1, [0.5]), (0.5, 4, [0.125]), (None, 4, [])])
+def test_a_policy_hears_once_before_it_starts_what_its_seat_may_take_of_a_turn(
+    turn_time_s: float | None, n_in_turn: int, heard: list[float]
+) -> None:
+    seat, diary = seated(turn_time_s=turn_time_s, n_in_turn=n_in_turn)
+
+    for tick in range(2):
+        seat.listen()
+        seat.receive(turn(tick))
+
+    assert diary.calls == [*heard, "start"]
+    assert diary.asked == [0, 1]
 
 
 def test_a_turn_is_answered_and_asked_again_answered_alike() -> None:

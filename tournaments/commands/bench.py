@@ -24,10 +24,15 @@ Progress = Callable[[str], None]
 Benchmark = Callable[..., dict[str, Any]]
 """Is given its `Progress`, and returns numbers, nested under names as deep as it likes.
 
-One that has a parameter `minutes` goes on for as long as it is told; what it does untold is short enough for `--all`.
+One that has a parameter `minutes` goes on for as long as it is told; what it does untold is short enough for `--all`. One that
+has a parameter `turn_time` holds turns against a clock of so many seconds.
 """
 
 
+_FOR_THOSE = {
+    "minutes": "--minutes is for benchmarks that measure for as long as they are told",
+    "turn_time": "--turn-time is for benchmarks that count late turns",
+}
 GROUP = "arena.benchmarks"
 """Entry points of other people's benchmarks."""
 _FOLDER = Path(__file__).parents[2] / "benchmarks"
@@ -61,6 +66,10 @@ def bench(
     minutes: Annotated[
         float | None, typer.Option(min=0.1, help="How long, of those that measure for as long as they are told.")
     ] = None,
+    turn_time: Annotated[
+        float | None,
+        typer.Option(min=0.001, metavar="SECONDS", help="Of a turn, of those that count late ones; 0.1 without it."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how fast the arena is on this machine."""
@@ -79,14 +88,15 @@ def bench(
             print_table(("benchmark", "what it measures"), rows)
         return
     runs = {name: benchmarks[name]() for name in chosen}
-    timed = [name for name, run in runs.items() if "minutes" in signature(run).parameters]
-    if minutes is not None and not timed:
-        raise InputError(f"--minutes is for benchmarks that measure for as long as they are told; {', '.join(chosen)} do not")
+    given = {option: value for option, value in (("minutes", minutes), ("turn_time", turn_time)) if value is not None}
+    taken = {name: signature(run).parameters.keys() & given for name, run in runs.items()}
+    for option in given:
+        if not any(option in options for options in taken.values()):
+            raise InputError(f"{_FOR_THOSE[option]}; {', '.join(chosen)} do not")
     results = {}
     for name, run in runs.items():
-        options = {"minutes": minutes} if minutes is not None and name in timed else {}
         with _progress(name) as progress:
-            results[name] = run(progress, **options)
+            results[name] = run(progress, **{option: given[option] for option in taken[name]})
     if as_json:
         print_json(results)
     else:

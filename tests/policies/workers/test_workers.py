@@ -44,7 +44,14 @@ def start(tmp_path: Path) -> Iterator[Start]:
     """Start a bot of some code, for a match of one seat."""
     factories = []
 
-    def make(source: str, *, keeps_annotations: bool = False, load_s: float = LOAD_S, **settings: object) -> WorkerPolicy:
+    def make(
+        source: str,
+        *,
+        keeps_annotations: bool = False,
+        turn_time_s: float | None = None,
+        load_s: float = LOAD_S,
+        **settings: object,
+    ) -> WorkerPolicy:
         if "\n" in source:
             (tmp_path / "bot.py").write_text(source)
             source = str(tmp_path / "bot.py")
@@ -53,6 +60,8 @@ def start(tmp_path: Path) -> Iterator[Start]:
         factory.prepare(load_s)
         policy = factory(PAPER, Team.BLUE, 1)
         policy.keeps_annotations = keeps_annotations
+        if turn_time_s is not None:
+            policy.set_turn_time(turn_time_s)
         policy.start(np.arange(1))
         return policy
 
@@ -324,6 +333,37 @@ def test_a_fighter_in_a_process_hears_whether_it_is_to_explain_itself(
         assert read_annotations(policy.take_annotations(0), PAPER.side)["log"] == [f"True {explains}"]
     finally:
         factory.close()
+
+
+HEARS_TURN_TIMES = """
+from arena.policy import BatchPolicy
+
+class Hearing(BatchPolicy):
+    heard = 0
+
+    def set_turn_time(self, seconds):
+        self.heard = 10 * self.heard + seconds
+
+    def start(self, seats):
+        self.heard_at_start = self.heard
+
+    def act(self, observations, orders):
+        orders[:] = [self.heard_at_start] * 6
+"""
+
+
+def test_a_fighter_of_a_package_hears_in_its_process_how_long_a_turn_may_take(
+    start: Start, board: BatchedGame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "hearing.py").write_text(HEARS_TURN_TIMES)
+    package = tmp_path / "hearing-1.dist-info"
+    package.mkdir()
+    (package / "METADATA").write_text("Metadata-Version: 2.1\nName: hearing\nVersion: 1\n")
+    (package / "entry_points.txt").write_text("[arena.policies]\nhearing = hearing:Hearing\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+
+    assert act(start("hearing"), board) == [0] * 6, "where no clock runs"
+    assert act(start("hearing", turn_time_s=3.0), board) == [3] * 6
 
 
 FORGES_ITS_NOTES = """
