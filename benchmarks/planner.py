@@ -58,8 +58,8 @@ def _measure_playouts() -> dict[str, Any]:
 def _playouts_of(games: BatchedGame) -> tuple[Work, Bench]:
     """Return work that plays the blueprint out in worlds that may be when a match begins, and returns how many; and its bench."""
     mind = Mind(games.ruleset, Team.BLUE, WORLDS, n_lines=1)
-    mind.act(games.observe()[Team.BLUE].select(slice(1)), Effort(budget=1), None)
-    plans, bench, effort, seeds = mind.plans[0], mind.benches[0], Effort(budget=1, horizon=HORIZON), count()
+    mind.act(games.observe()[Team.BLUE].select(slice(1)), Effort.of(1), None)
+    plans, bench, effort, seeds = mind.plans[0], mind.benches[0], Effort.of(1)._replace(horizon=HORIZON), count()
 
     def work() -> int:
         plans.n_tried[BLUEPRINT] = 0
@@ -90,7 +90,7 @@ def _measure_planner(planner: type[Planner]) -> dict[str, Any]:
     memory_bytes = _measure_memory(planner)
     taken_ms = [taken_ns / 1e6 for taken_ns in time_turns(planner, RoleTeam, 1, _TURNS, _MOST_S)]
     return {
-        "budget": planner.effort.budget,
+        "budget": planner.budget,
         "ms": round(median(taken_ms), 2),
         "p99_ms": round(quantiles(taken_ms, n=100)[98], 2),
         "memory_mb": round(memory_bytes / 1e6, 1),

@@ -50,19 +50,19 @@ _STRIDE = 37
 
 
 class Effort(NamedTuple):
-    """How a planner thinks."""
+    """How long a planner thinks, and how it spends that."""
 
     budget: int
     """Playouts a tick, all in all."""
-    few: int = 8
+    few: int
     """Worlds in which each plan is tried."""
-    more: int = 24
+    more: int
     """In which those are that were better in the few."""
-    most: int = 64
+    most: int
     """In which the winner is, and the best plan against the blueprint."""
     n_kept: int = 3
     """How many go on from few worlds to more."""
-    hold: int = 12
+    hold: int = 20
     """Ticks for which a plan is held in a playout."""
     horizon: int = 35
     """Ticks of a playout."""
@@ -70,6 +70,12 @@ class Effort(NamedTuple):
     """By how many standard errors a plan must lead to take the place of the best."""
     is_sure: float = 1.0
     """By how many the best must lead to take the place of the blueprint."""
+
+    @classmethod
+    def of(cls, budget: int) -> "Effort":
+        """Return how a budget of playouts is spent: worlds and plans grow with it alike."""
+        few = min(max(budget // 40, 2), 12)
+        return cls(budget=budget, few=few, more=3 * few, most=min(max(budget // 5, 8 * few), 16 * few))
 
 
 @jit()

@@ -12,10 +12,12 @@ from policies.belief.memory import sight_of
 from policies.heuristics.role_team import RoleTeam
 from policies.search.climb import BEST, BLUEPRINT, LAST, N_PLANS, Effort, climb, is_better_than_blueprint
 from policies.search.desk import set_posts
+from policies.search.explain import Thought
 from policies.search.models import ATTACK, GUARD, HOLD, HUNT, SCOUT, WATCH
 from policies.search.particles import begin, follow, lay_ground, make_weights
 from policies.search.plans import FROM_ROLE, copy_plan, make_plans, mean_of
 from policies.search.playout import make_bench, write_first_orders
+from policies.search.tell import thought_of
 from policies.search.ways import find_ways
 from policies.tactics import roles as scripted
 
@@ -77,6 +79,11 @@ class Mind:
             self._think(observations, effort, pool, last_orders)
         orders: NDArray[np.int8] = self._orders[0]
         return orders
+
+    def tell(self) -> Thought:
+        """Return what it thought about the tick that it has just answered."""
+        bench, plans = self.benches[0], self.plans[0]
+        return thought_of(self._ruleset, self._team, self.blueprint.belief, bench, plans, self.taken, self._orders[0])
 
     def _think(
         self, observations: Observations, effort: Effort, pool: ThreadPoolExecutor | None, last_orders: NDArray[np.int8]

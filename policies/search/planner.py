@@ -1,10 +1,13 @@
 """Looks ahead: it plays what its units could do on, in many worlds that may be, and leaves `role_team` for what wins more.
 
-Budgets count playouts, not time, so that its orders follow from what it was shown alone.
+Budgets count playouts, not time, so that its orders follow from what it was shown alone. Where a clock is too short for its
+budget, it measures itself once, and thinks less.
 """
 
+import logging
 import os
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -14,26 +17,41 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.policy import BatchPolicy, Orders
+from policies.search.budget import describe_budget, fit_budget, make_opening
 from policies.search.climb import Effort
+from policies.search.explain import explain
 from policies.search.mind import Mind
 
+logger = logging.getLogger(__name__)
 MOST_SIDE = 40
-"""The largest board on which ways between all cells are worth their search."""
+"""The largest board on which the ways between all cells are worth their search."""
+LEAST_BUDGET = 40
+"""Playouts with which a plan can be told from another at all."""
+_BLUEPRINT = "role_team"
 
 
 class Planner(BatchPolicy):
     """Thinks about 25 ms a tick."""
 
-    effort: ClassVar[Effort] = Effort(budget=900)
+    name: ClassVar[str] = "planner"
+    budget: ClassVar[int] = 900
+    """Playouts a tick."""
     n_worlds: ClassVar[int] = 128
     n_lines: ClassVar[int] = 1
     most_seats: ClassVar[int] = 8
-    """It takes long: so many at once, that the first matches end soon."""
+    """It takes long: so many at once, so that the first matches end soon."""
 
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int) -> None:
         super().__init__(ruleset, team, n_seats)
+        self._effort = Effort.of(self.budget if _can_simulate(type(self), ruleset) else 0)
         self._minds = [Mind(ruleset, team, self.n_worlds, self.n_lines) for _ in range(n_seats)]
-        self._pool = ThreadPoolExecutor(len(os.sched_getaffinity(0))) if self.n_lines > 1 else None
+        self._pool = _make_pool(type(self))
+        self._notes = [b""] * n_seats
+
+    def set_turn_time(self, seconds: float) -> None:
+        """Think no longer than a turn leaves room for."""
+        if self._effort.budget:
+            self._effort = Effort.of(_fit(type(self), self.ruleset, self.team, seconds))
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Forget what some seats have in mind."""
@@ -43,20 +61,56 @@ class Planner(BatchPolicy):
     def act(self, observations: Observations, orders: Orders) -> None:
         """Write the orders of all seats."""
         for seat, mind in enumerate(self._minds):
-            orders[seat] = mind.act(observations.select(slice(seat, seat + 1)), self.effort, self._pool)
+            orders[seat] = mind.act(observations.select(slice(seat, seat + 1)), self._effort, self._pool)
+            if self.keeps_annotations and self.explains:
+                self._notes[seat] = explain(mind.tell()).pack() if self._effort.budget else b""
+
+    def take_annotations(self, seat: int) -> bytes:
+        """Return what a seat thought in the last `act`, and forget it."""
+        taken, self._notes[seat] = self._notes[seat], b""
+        return taken
 
 
 class PlannerFast(Planner):
     """Thinks about 5 ms a tick."""
 
-    effort = Effort(budget=200)
+    name = "planner-fast"
+    budget = 160
     n_worlds = 64
 
 
 class PlannerDeep(Planner):
-    """Thinks about 200 ms a tick, less where it is given several cores."""
+    """Thinks about 200 ms a tick on one core, less on several."""
 
-    effort = Effort(budget=6000, most=256, more=48, few=16)
+    name = "planner-deep"
+    budget = 6000
     n_worlds = 256
     n_lines = 4
     most_seats = 2
+
+
+def _make_pool(planner: type[Planner]) -> ThreadPoolExecutor | None:
+    """Return what carries a planner's lines of thought, if it has several: as many threads as there are processors."""
+    return ThreadPoolExecutor(len(os.sched_getaffinity(0)), thread_name_prefix=planner.name) if planner.n_lines > 1 else None
+
+
+@cache
+def _can_simulate(planner: type[Planner], ruleset: Ruleset) -> bool:
+    """Whether a planner can look ahead under a ruleset; said once if not."""
+    if ruleset.side > MOST_SIDE:
+        logger.warning(
+            "%s: it looks ahead on boards of up to %d cells a side, and %s has %d; it plays the orders of %s",
+            planner.name, MOST_SIDE, ruleset.name, ruleset.side, _BLUEPRINT,
+        )  # fmt: skip
+    return ruleset.side <= MOST_SIDE
+
+
+@cache
+def _fit(planner: type[Planner], ruleset: Ruleset, team: Team, seconds: float) -> int:
+    """Return how many playouts a planner has time for; measured once in a process, and said where its budget does not fit."""
+    mind, opening, pool = Mind(ruleset, team, planner.n_worlds, planner.n_lines), make_opening(ruleset, team), _make_pool(planner)
+    fits = fit_budget(lambda n: mind.act(opening, Effort.of(n), pool), planner.budget, LEAST_BUDGET, seconds)
+    sentence = describe_budget(planner.name, fits, planner.budget, LEAST_BUDGET, seconds, _BLUEPRINT)
+    if sentence:
+        logger.warning(sentence)
+    return fits
