@@ -50,9 +50,7 @@ def fighter_kernels(specs: Iterable[str]) -> "list[Kernel]":
 
     kernels, families = [], set()
     ours = (name for spec in specs for name in (shipped() if spec.endswith(CHECKPOINT) else (spec,)))
-    for spec in sorted(
-        dict.fromkeys(one.partition(":")[0] if one.partition(":")[0] in OWN else one for one in ours), key=_is_network
-    ):
+    for spec in sorted(dict.fromkeys(map(without_settings, ours)), key=_is_network):
         if spec in OWN or spec in REFERENCES:
             fighter = load(spec, cheats=True)
             family = fighter.__mro__[1].__name__ if isinstance(fighter, type) else ""
