@@ -13,14 +13,16 @@ from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from arena.policy import BatchFactory, BatchPolicy
 from arena.protocol.observation_codec import ObservationReader
-from policies.registry import CHECKPOINT, OWN, REFERENCES, load, shipped
+from policies.registry import CHECKPOINT, OWN, PLANNERS, REFERENCES, load, shipped, without_settings
 
 if TYPE_CHECKING:
     from arena.compiling import Kernel
 
-_FIRST_S = {"BelievingPolicy": 38.0, "UnitByUnit": 6.0}
+_FIRST_S = {"BelievingPolicy": 38.0, "UnitByUnit": 6.0, "Planner": 85.0}
 """What the first fighter of a family takes to compile; it compiles what they share."""
-_NEXT_S = {"BelievingPolicy": 9.0, "UnitByUnit": 3.0}
+_NEXT_S = {"BelievingPolicy": 9.0, "UnitByUnit": 3.0, "Planner": 0.1}
+_CALLS = {"Planner": "BelievingPolicy"}
+"""Families that call what another shares: they are compiled after its first fighter, or compile that, too."""
 _NETWORK_S = 25.0
 
 
@@ -48,19 +50,29 @@ def fighter_kernels(specs: Iterable[str]) -> "list[Kernel]":
     """
     from arena.compiling import Kernel
 
-    kernels, families = [], set()
+    kernels: list[Kernel] = []
+    stages: dict[str, int] = {}  # of each family's first
     ours = (name for spec in specs for name in (shipped() if spec.endswith(CHECKPOINT) else (spec,)))
-    for spec in sorted(dict.fromkeys(map(without_settings, ours)), key=_is_network):
+    for spec in sorted(dict.fromkeys(map(without_settings, ours)), key=lambda spec: (_is_network(spec), spec in PLANNERS)):
         if spec in OWN or spec in REFERENCES:
-            fighter = load(spec, cheats=True)
-            family = fighter.__mro__[1].__name__ if isinstance(fighter, type) else ""
-            seconds = (_NEXT_S if family in families else _FIRST_S).get(family, 6.0)
-            kernels.append(Kernel(name=spec, run=partial(_prepare, spec), seconds=seconds, stage=int(family in families)))
-            families.add(family)
+            family = _family_of(load(spec, cheats=True))
+            called = _CALLS.get(family, "")
+            if family in stages:
+                stage, seconds = stages[family] + 1, _NEXT_S.get(family, 6.0)
+            else:
+                stage = stages[family] = stages.get(called, -1) + 1
+                seconds = _FIRST_S.get(family, 6.0) + (0.0 if called in stages else _FIRST_S.get(called, 0.0))
+            kernels.append(Kernel(name=spec, run=partial(_prepare, spec), seconds=seconds, stage=stage))
         elif _is_network(spec):
-            stage = int("BelievingPolicy" in families)  # whose belief it reads
+            stage = int("BelievingPolicy" in stages)  # whose belief it reads
             kernels.append(Kernel(name=spec, run=partial(_prepare, spec), seconds=_NETWORK_S, stage=stage))
     return kernels
+
+
+def _family_of(fighter: BatchFactory) -> str:
+    """Return the class whose kernels a fighter shares with others, by name."""
+    bases = [base.__name__ for base in fighter.__mro__] if isinstance(fighter, type) else []
+    return next((name for name in bases if name in _FIRST_S), bases[1] if bases else "")
 
 
 def _is_network(spec: str) -> bool:

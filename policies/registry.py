@@ -40,6 +40,10 @@ OWN = {
     "planner-deep": "policies.search.planner:PlannerDeep",
 }
 """Our own fighters: module and class."""
+PLANNERS = ("planner-fast", "planner", "planner-deep")
+"""Those of our own that look ahead. They take milliseconds for a turn, and are one class with three budgets."""
+SCRIPTS = tuple(name for name in OWN if name not in PLANNERS)
+"""The others, which take microseconds."""
 REFERENCES = {
     "oracle_rush": "policies.heuristics.oracle_rush:OracleRush",
     "oracle_planner": "policies.search.oracle_planner:OraclePlanner",

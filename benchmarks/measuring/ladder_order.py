@@ -26,7 +26,7 @@ from arena.game.types import Team, Termination
 from arena.local.venue import play
 from arena.pit.ladder import LadderMatch, Waiting
 from arena.policy import BatchFactory, BatchPolicy, MatchResult, Orders
-from policies.registry import OWN, load
+from policies import registry
 from tournaments.fixture import plan_fixture
 from tournaments.ladder.ladder import RatedLadder
 from tournaments.ladder.ladder_store import LadderStore
@@ -55,7 +55,7 @@ Floats = NDArray[np.float64]
 def measure_order(
     progress: Progress,
     *,
-    shipped: Sequence[str] = tuple(OWN),
+    shipped: Sequence[str] = registry.SCRIPTS,
     scripts: Sequence[str] = SCRIPTS,
     lost: Sequence[float] = LOST,
     n_pairs: int = N_PAIRS,
@@ -74,7 +74,7 @@ class _Careless(BatchPolicy):
 
     def __init__(self, spec: str, share: float, ruleset: Ruleset, team: Team, n_seats: int) -> None:
         super().__init__(ruleset, team, n_seats)
-        self._fighter, self._share = load(spec)(ruleset, team, n_seats), share
+        self._fighter, self._share = registry.load(spec)(ruleset, team, n_seats), share
         self._rng = np.random.default_rng(0)
 
     def start(self, seats: NDArray[np.intp]) -> None:

@@ -19,7 +19,7 @@ from clients.human.commander import Commander
 from clients.human.turn_mailbox import TurnMailbox
 from clients.terminal import panel
 from clients.terminal.board import BoardView
-from policies.registry import OWN
+from policies.registry import SCRIPTS
 
 _PANEL_COLUMNS = 36
 _CLOCK_S = 0.25
@@ -182,7 +182,7 @@ class PitApp(App[None]):
 
     def action_autopilot(self) -> None:
         """Choose the next script for units without orders; after the last, none."""
-        choices = ["", *OWN]
+        choices = ["", *SCRIPTS]
         now = self._mailbox.autopilot
         following = choices[(choices.index(now) + 1) % len(choices) if now in choices else 0]
         self._news = f"autopilot: {following or 'off'}"

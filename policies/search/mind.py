@@ -105,7 +105,7 @@ class Mind:
         self._climb(effort, pool, seed)
         if is_better_than_blueprint(BEST, me, plans, bench, effort, seed ^ _CHANCE):
             self.taken = BEST
-            write_first_orders(me, BEST, plans, bench, seed ^ _CHANCE, self._orders[0])
+        write_first_orders(me, self.taken, plans, bench, seed ^ _CHANCE, self._orders[0])  # the blueprint's stay as they are
         copy_plan(BEST, plans, LAST, plans)
         plans.first[LAST] = FROM_ROLE
 

@@ -44,6 +44,52 @@ print("ready" if load_kernels(play) else "would compile within its first match")
 """
 
 
+A_PLANNER_S_MATCH = """
+import sys
+import numpy as np
+from arena.game.engine import BatchedGame
+from arena.game.keys import MatchKeys
+from arena.game.ruleset import load as load_rules
+from arena.game.types import Team
+from numba.core.dispatcher import Dispatcher
+from policies.precompile import precompile
+from policies.registry import load
+
+def loaded():
+    modules = [module for name, module in sys.modules.items() if name.startswith("policies.")]
+    return {(name, str(one)) for module in modules for name, found in vars(module).items()
+            if isinstance(found, Dispatcher) for one in found.signatures}
+
+ruleset = load_rules("paper")
+planner = load(sys.argv[1])
+planner.budget //= 4
+precompile(planner)
+before = loaded()
+games = BatchedGame(ruleset, 4)
+games.start(range(4), [MatchKeys(map_key=bytes([i] * 32), match_key=bytes(32)) for i in range(4)])
+orders = np.zeros(games.state.cell.shape, np.int8)
+side = planner(ruleset, Team.BLUE, 4)
+side.start(np.arange(4))
+taken = set()
+while len(taken) < 2 and not games.is_over.all():
+    side.act(games.observe()[Team.BLUE], orders[:, : games.n_units[Team.BLUE]])
+    taken |= {mind.taken for mind in side._minds}
+    games.step(orders)
+print(len(taken), *sorted(name for name, _ in loaded() - before))
+"""
+
+
+@pytest.mark.usefixtures("compiled")
+@pytest.mark.parametrize("planner", ["planner-fast", "planner-deep"])
+def test_a_planner_loads_no_kernel_in_its_first_match_whatever_plan_it_takes(planner: str) -> None:
+    """Its kernels take too long to compile for another empty cache."""
+    done = subprocess.run(
+        [sys.executable, "-c", A_PLANNER_S_MATCH, planner], capture_output=True, text=True, timeout=300, check=False
+    )
+
+    assert (done.returncode, done.stdout) == (0, "2\n"), done.stderr
+
+
 @pytest.mark.parametrize("fighter", ["champion", "patrol"])
 def test_on_a_new_machine_all_is_compiled_before_the_first_match(fighter: str, tmp_path: Path) -> None:
     done = subprocess.run(
@@ -75,3 +121,13 @@ def test_what_a_family_of_fighters_shares_is_compiled_by_its_first() -> None:
     stages = {kernel.name: kernel.stage for kernel in fighter_kernels(["turtle", "rush", "squad", "patrol", "champion"])}
 
     assert stages == {"turtle": 0, "rush": 0, "squad": 1, "patrol": 1, "champion": 1}
+
+
+def test_planners_are_compiled_once_after_the_scripts_whose_belief_they_call() -> None:
+    kernels = {kernel.name: kernel for kernel in fighter_kernels(["planner", "planner-fast", "turtle"])}
+    [alone] = fighter_kernels(["planner-fast"])
+
+    assert {name: kernel.stage for name, kernel in kernels.items()} == {"turtle": 0, "planner": 1, "planner-fast": 2}
+    assert kernels["planner-fast"].seconds < 1 < kernels["turtle"].seconds
+    assert alone.stage == 0
+    assert alone.seconds == kernels["planner"].seconds + kernels["turtle"].seconds

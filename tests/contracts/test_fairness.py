@@ -11,6 +11,7 @@ from arena.game.types import Team
 from arena.local.venue import play_batch
 from arena.records.plan import MatchPlan
 from policies import registry
+from policies.search.planner import LEAST_BUDGET, PlannerFast
 
 Z = 4.0
 """Quantile of the interval: a fair game leaves it once in 16,000 tries, and an edge of three matches in a hundred always does."""
@@ -32,10 +33,21 @@ def plan_mirror_matches(fighter: str, n_matches: int) -> list[MatchPlan]:
     ]
 
 
-@pytest.mark.parametrize("fighter", registry.OWN)
-def test_neither_colour_wins_more(fighter: str, size: Callable[[int, int], int], record_property: Callable[..., None]) -> None:
-    plans = plan_mirror_matches(fighter, size(400, 20_000))
-    make = registry.load(fighter)
+class QuickPlanner(PlannerFast):
+    """Thinks as little as it can: enough to go wrong in one colour."""
+
+    budget = LEAST_BUDGET
+    n_worlds = 16
+
+
+@pytest.mark.parametrize(
+    ("fighter", "n_matches"), [*((name, (400, 20_000)) for name in registry.SCRIPTS), ("planner", (24, 600))]
+)
+def test_neither_colour_wins_more(
+    fighter: str, n_matches: tuple[int, int], size: Callable[[int, int], int], record_property: Callable[..., None]
+) -> None:
+    plans = plan_mirror_matches(fighter, size(*n_matches))
+    make = QuickPlanner if fighter == "planner" else registry.load(fighter)
 
     wins = Counter(record.result.winner for record in play_batch(load_rules("paper"), plans, make, make))
 

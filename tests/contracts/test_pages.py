@@ -31,7 +31,6 @@ NOT_RUN = {
     r"arena play mybot.py old/mybot.py": "the reader keeps their old version: tests/tournaments/authoring/test_until_sure.py",
     r"arena gauntlet": "plays 600 matches: tests/tournaments/authoring/test_gauntlet.py plays few",
     r"arena tournament run LEAGUE.toml --venue ray": "needs a cluster: tests/tournaments/venues/",
-    r"arena (play planner|replay .*planner)": "no planner is registered yet: tests/tournaments/commands/test_play_explain.py",
     r"arena (play|evaluate) runs/": "plays what was trained in minutes: the notebook does so in small",
     r"arena replay (show|verify) (TRANSCRIPT|JOURNAL|DATA)": "is of a match in a pit: tests/e2e/test_transcripts.py",
 }

@@ -27,12 +27,13 @@ from arena.records.plan import MatchPlan
 from arena.records.replay import replay
 from arena.records.transcript import Head
 from policies.program import to_json
-from policies.registry import OWN, load
+from policies.registry import SCRIPTS, load
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
 Same = Callable[[str, str], None]
 Plan = Callable[..., MatchPlan]
-FIGHTERS = sorted(OWN)
+FIGHTERS = sorted(SCRIPTS)
+"""Planners apart, who play otherwise with each number that is tuned."""
 SEEDS, N_MAPS = (1, 2), 2
 BOARD = """
 F...#...

@@ -17,6 +17,9 @@ from tournaments.venues import ray as cluster
 
 PAPER = load("paper")
 SECRET = secret_from_seed(3)
+PAIRS = list(product(registry.SCRIPTS, repeat=2))
+PLANNER = ("planner-fast", "rush")
+"""One match is enough of those who think for milliseconds."""
 
 
 def plans(pairs: list[tuple[str, str]]) -> list[MatchPlan]:
@@ -36,8 +39,7 @@ def plans(pairs: list[tuple[str, str]]) -> list[MatchPlan]:
 def test_the_network_venue_gives_the_journals_of_the_local_one(
     size: Callable[[int, int], int], port: int, tmp_path: Path
 ) -> None:
-    every = list(product(registry.OWN, repeat=2))
-    wanted = plans(every[:: size(5, 1)])
+    wanted = plans([*PAIRS[:: size(5, 1)], PLANNER])
 
     played = play_on_the_network(PAPER, wanted, port, tmp_path, n_slots=3)
 
@@ -55,7 +57,7 @@ def test_a_cluster_gives_the_journals_of_the_local_venue(
     size: Callable[[int, int], int], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.delenv("RAY_ADDRESS", raising=False)  # one of its own
-    wanted = plans(list(product(registry.OWN, repeat=2))[:: size(5, 1)])
+    wanted = plans([*PAIRS[:: size(5, 1)], PLANNER])
 
     played = list(cluster.play_on_cluster(PAPER, wanted, {name: name for name in registry.OWN}, journals=tmp_path))
 

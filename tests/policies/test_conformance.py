@@ -1,6 +1,6 @@
 """What every fighter in the registry promises, under any ruleset."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -17,11 +17,22 @@ from arena.game.ruleset import Ruleset, UnitType, load
 from arena.game.types import Team
 from arena.policy import BatchPolicy
 from policies import registry
+from policies.search.planner import LEAST_BUDGET, PlannerFast
 
 TICKS = 25
-FIGHTERS = registry.names()
+FIGHTERS = [name for name in registry.names() if name not in ("planner", "planner-deep")]
+"""Those two are planner-fast with more time; tests/policies/search has several lines of thought, as planner-deep does."""
 teams = st.sampled_from(Team)
 seeds = st.integers(0, 2**32)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def planners_think_little() -> Iterator[None]:
+    """What every fighter promises, a planner promises however short it thinks."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(PlannerFast, "budget", LEAST_BUDGET)
+        patch.setattr(PlannerFast, "n_worlds", 16)
+        yield
 
 
 @st.composite

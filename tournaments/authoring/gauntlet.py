@@ -16,7 +16,7 @@ from arena.local.venue import MatchRecord, OnNews, play
 from arena.policy import BatchFactory, BatchPolicy, Orders
 from arena.records.journal import journal_name
 from arena.records.plan import MatchPlan
-from policies.registry import OWN, load, load_entry, names, shipped
+from policies.registry import SCRIPTS, load, load_entry, names, shipped
 from policies.workers.files import resolve
 from tournaments.authoring.turn_times import TurnTimes
 from tournaments.fixture import Tally, plan_fixture, tally
@@ -70,7 +70,8 @@ def find_opponents(bot: str, against: str | None) -> tuple[list[str], list[str]]
     Parameters
     ----------
     against
-        Names divided by commas; without it, all shipped fighters that can be loaded here, the bot itself apart.
+        Names divided by commas; without it, all shipped fighters that can be loaded here, the bot itself apart. Of the planners,
+        which are one fighter with three budgets, only the fastest: the others would take longer than all else together.
 
     Raises
     ------
@@ -87,7 +88,7 @@ def find_opponents(bot: str, against: str | None) -> tuple[list[str], list[str]]
             load(name)
         return opponents, []
     found, left_out = [], []
-    for name in (*OWN, *shipped()):
+    for name in (*SCRIPTS, "planner-fast", *shipped()):
         if name == bot:
             continue
         try:

@@ -149,7 +149,7 @@ def test_any_ruleset_can_be_played(name: str, planned: Plan) -> None:
     assert all(record.faults[team].raised == record.faults[team].illegal == 0 for record in records for team in Team)
 
 
-@pytest.mark.parametrize("fighter", registry.OWN)
+@pytest.mark.parametrize("fighter", [*registry.SCRIPTS, "planner-fast"])  # other planners are the same with more time
 @pytest.mark.parametrize(
     "units",
     [

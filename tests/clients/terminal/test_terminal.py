@@ -216,7 +216,7 @@ def test_a_whole_match_is_played_with_enter_and_an_autopilot_and_its_result_is_s
 def test_the_autopilot_is_changed_by_a_key() -> None:
     async def play(pilot: "Pilot[None]", app: PitApp, mailbox: TurnMailbox) -> None:
         await pilot.press("p")
-        await until(pilot, lambda: mailbox.autopilot == next(iter(registry.OWN)))
+        await until(pilot, lambda: mailbox.autopilot == registry.SCRIPTS[0])
         assert all(unit.is_autopilot for unit in units(mailbox))
         assert f"autopilot: {mailbox.autopilot}" in text_of(app, "news")
 

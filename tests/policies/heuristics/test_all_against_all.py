@@ -1,4 +1,4 @@
-"""Every script of ours meets every other, and itself, on random rulesets: each game can be played to its end."""
+"""Every script of ours, and a planner, meets every other and itself on random rulesets: each game can be played to its end."""
 
 import os
 from itertools import combinations_with_replacement
@@ -16,7 +16,7 @@ from arena.game.types import Team, Termination
 from policies import registry
 
 IS_FULL = os.environ.get("ARENA_TEST_SIZE") == "full"
-PAIRS = list(combinations_with_replacement(registry.OWN, 2))[:: 1 if IS_FULL else 6]
+PAIRS = list(combinations_with_replacement(("planner-fast", *registry.SCRIPTS), 2))[:: 1 if IS_FULL else 6]
 BOARDS = (
     """
     F . . # . . . f
@@ -57,7 +57,7 @@ def _units(n_walkers: int, n_enemies: int, n_flyers: int) -> tuple[UnitType, ...
 @pytest.mark.parametrize(("blue", "red"), PAIRS)
 @settings(deadline=None, max_examples=10 if IS_FULL else 3)
 @given(ruleset=rulesets(), key=st.binary(min_size=32, max_size=32))
-def test_every_two_scripts_play_every_ruleset_to_its_end_without_an_illegal_order(
+def test_every_two_fighters_play_every_ruleset_to_its_end_without_an_illegal_order(
     blue: str, red: str, ruleset: Ruleset, key: bytes
 ) -> None:
     games = BatchedGame(ruleset, 1)

@@ -12,7 +12,7 @@ import pytest
 from arena.errors import InputError, UnknownNameError
 from arena.game.types import Team
 from arena.records.journal import load_journal
-from policies.registry import OWN, REFERENCES, shipped
+from policies.registry import REFERENCES, SCRIPTS, shipped
 from tournaments.authoring.gauntlet import find_opponents, name_bot
 from tournaments.authoring.turn_times import TurnTimes
 
@@ -145,10 +145,10 @@ def test_the_table_says_what_happened(here: Run, bot: Path, tmp_path: Path) -> N
     assert "mybot first failed like this:\nTraceback" in done.stderr
 
 
-def test_all_shipped_fighters_are_met_the_bot_and_the_cheats_apart() -> None:
+def test_all_shipped_fighters_are_met_the_bot_the_cheats_and_the_slower_planners_apart() -> None:
     opponents, left_out = find_opponents("rush", None)
 
-    assert opponents == [name for name in (*OWN, *shipped()) if name != "rush"]
+    assert opponents == [name for name in (*SCRIPTS, "planner-fast", *shipped()) if name != "rush"]
     assert not set(opponents) & set(REFERENCES)
     assert left_out == []
 
@@ -161,7 +161,7 @@ def test_a_network_that_cannot_be_loaded_here_is_left_out_and_named(monkeypatch:
     monkeypatch.setattr("tournaments.authoring.gauntlet.load", load)
     opponents, left_out = find_opponents("mybot.py", None)
 
-    assert opponents == list(OWN)
+    assert opponents == [*SCRIPTS, "planner-fast"]
     assert left_out == [f"without {name}: the fighter {name} needs torch, which is not installed here" for name in shipped()]
 
 

@@ -79,7 +79,6 @@ def test_its_transcripts_tell_what_it_thought_and_its_orders_are_the_same_as_wit
     assert all(not notes["log"] for notes in other.annotations)
 
 
-@pytest.mark.skipif("planner-fast" not in registry.OWN, reason="no planner is registered yet")
 def test_a_planner_tells_what_it_believed_weighed_and_took_and_orders_the_same_without(here: Run, tmp_path: Path) -> None:
     for name, options in (("silent", []), ("told", ["--explain"])):
         given = ("--journals", tmp_path / name, "--transcripts", tmp_path / f"{name}-seats", *options)
