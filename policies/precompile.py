@@ -13,7 +13,7 @@ from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from arena.policy import BatchFactory, BatchPolicy
 from arena.protocol.observation_codec import ObservationReader
-from policies.registry import CHECKPOINT, OWN, PLANNERS, REFERENCES, load, shipped
+from policies.registry import CHECKPOINT, OWN, PLANNERS, REFERENCES, load, shipped, without_settings
 
 if TYPE_CHECKING:
     from arena.compiling import Kernel
@@ -53,7 +53,7 @@ def fighter_kernels(specs: Iterable[str]) -> "list[Kernel]":
     kernels: list[Kernel] = []
     stages: dict[str, int] = {}  # of each family's first
     ours = (name for spec in specs for name in (shipped() if spec.endswith(CHECKPOINT) else (spec,)))
-    for spec in sorted(dict.fromkeys(ours), key=lambda spec: (_is_network(spec), spec in PLANNERS)):
+    for spec in sorted(dict.fromkeys(map(without_settings, ours)), key=lambda spec: (_is_network(spec), spec in PLANNERS)):
         if spec in OWN or spec in REFERENCES:
             family = _family_of(load(spec, cheats=True))
             called = _CALLS.get(family, "")

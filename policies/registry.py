@@ -44,7 +44,10 @@ PLANNERS = ("planner-fast", "planner", "planner-deep")
 """Those of our own that look ahead. They take milliseconds for a turn, and are one class with three budgets."""
 SCRIPTS = tuple(name for name in OWN if name not in PLANNERS)
 """The others, which take microseconds."""
-REFERENCES = {"oracle_rush": "policies.heuristics.oracle_rush:OracleRush"}
+REFERENCES = {
+    "oracle_rush": "policies.heuristics.oracle_rush:OracleRush",
+    "oracle_planner": "policies.search.oracle_planner:OraclePlanner",
+}
 """Cheats: the local venue shows them the whole board. They are never rated, and no other venue seats them."""
 CHECKPOINT = ".safetensors"
 NOT_PACKAGED = {
@@ -69,6 +72,8 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
         return EachSeatFactory(load_program(spec.removeprefix(PREFIX)))
     if spec.endswith(".py"):
         return EachSeatFactory(load_bot(spec))
+    if (base := without_settings(spec)) != spec:
+        return _with_settings(base, spec.removeprefix(f"{base}:"))
     if spec in REFERENCES and not cheats:
         raise PolicyError(f"{spec} is a cheat, shown the whole board; it plays in `arena play` alone, and is never rated")
     if spec in OWN or spec in REFERENCES:
@@ -85,6 +90,21 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
     if spec in NOT_PACKAGED:
         raise PolicyError(NOT_PACKAGED[spec])
     raise UnknownNameError("policy", spec, names())
+
+
+def without_settings(spec: str) -> str:
+    """Return the name of a fighter of ours that comes with settings, as in planner:budget=2000; any other as it is."""
+    base = spec.partition(":")[0]
+    return base if base in OWN else spec
+
+
+def _with_settings(name: str, settings: str) -> BatchFactory:
+    """Return a fighter of ours with other settings than it comes with."""
+    fighter: Any = load(name)
+    if not hasattr(fighter, "with_settings"):
+        raise PolicyError(f"{name}:{settings} sets something, and {name} has no settings; leave out :{settings}")
+    made: BatchFactory = fighter.with_settings(settings)
+    return made
 
 
 def check_name(spec: str) -> None:

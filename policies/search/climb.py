@@ -71,6 +71,13 @@ class Effort(NamedTuple):
     is_sure: float = 1.0
     """By how many the best must lead to take the place of the blueprint."""
 
+    tries_steps: bool = True
+    """Whether other first steps of a unit are tried, as the two that follow; all are there to be left out, and measured."""
+    tries_roles: bool = True
+    tries_goals: bool = True
+    filters: bool = True
+    """Whether worlds go on from tick to tick; else they are drawn anew, from the tracks alone."""
+
     @classmethod
     def of(cls, budget: int) -> "Effort":
         """Return how a budget of playouts is spent: worlds and plans grow with it alike."""
@@ -150,7 +157,7 @@ def _climb_unit(
     """Try what else a unit of the best plan could do, and keep what is better; return how many playouts it took, about `left`."""
     n_worlds = bench.now.role.shape[0]
     few, more, most = min(effort.few, n_worlds), min(effort.more, n_worlds), min(effort.most, n_worlds)
-    n_plans = _write_trials(unit, me, plans, bench, salt)
+    n_plans = _write_trials(unit, me, plans, bench, effort, salt)
     spent = try_plan(BEST, few, me, plans, bench, effort, seed)
     for plan in range(TRIALS, n_plans):
         if spent >= left:
@@ -181,13 +188,13 @@ def _climb_unit(
 
 
 @jit()
-def _write_trials(unit: int, me: int, plans: Plans, bench: Bench, salt: np.uint64) -> int:
+def _write_trials(unit: int, me: int, plans: Plans, bench: Bench, effort: Effort, salt: np.uint64) -> int:
     """Write what else a unit of the best plan could do: another first step, another role, a goal; return the row after them."""
     tables, ways = bench.tables, bench.ways
     first, flyers, _ = units_of(me, tables)
     cell, walks, side = int(bench.now.state.cell[0, first + unit]), first + unit < flyers, int(tables.rule[Rule.SIDE])
     plan = TRIALS
-    for action in range(_N_ACTIONS):
+    for action in range(_N_ACTIONS if effort.tries_steps else 0):
         to = int(tables.neighbour[action, cell])
         is_idle = action > 0 and (to == cell or (walks and ways.far[to, to] == NO_WAY))
         if action != plans.first[BEST, unit] and not is_idle:
@@ -195,11 +202,11 @@ def _write_trials(unit: int, me: int, plans: Plans, bench: Bench, salt: np.uint6
             plans.first[plan, unit] = action
             plan += 1
     for role in _WALKS if walks else _FLIES:
-        if role != plans.role[BEST, unit] or plans.first[BEST, unit] != FROM_ROLE:
+        if effort.tries_roles and (role != plans.role[BEST, unit] or plans.first[BEST, unit] != FROM_ROLE):
             copy_plan(BEST, plans, plan, plans)
             plans.first[plan, unit], plans.role[plan, unit] = FROM_ROLE, role
             plan += 1
-    for k in range(_N_GOALS):
+    for k in range(_N_GOALS if effort.tries_goals else 0):
         reach, word = _WALK_CELLS if walks else _FLY_CELLS, mix(salt + np.uint64(k))
         row = min(max(cell // side + choose(word, 2 * reach + 1) - reach, 0), side - 1)
         column = min(max(cell % side + choose(mix(word), 2 * reach + 1) - reach, 0), side - 1)

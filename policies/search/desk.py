@@ -12,10 +12,8 @@ from arena.game.types import Team
 from arena.jit import jit
 from policies.search.worlds import Worlds, units_of
 
-_DEEP, _NEAR = 0.35, 0.15
-"""How far behind the border units hold, and hunters wait, as shares of the board."""
-DEEP, NEAR = range(2)
-"""Last index of `Desk.lane`."""
+_BEHIND = 0.35
+"""How far behind the border units hold, as a share of the board."""
 N_SEARCHES = 4
 CELL, ROW, COLUMN = range(3)
 """Last index of `Desk.seen` and `Desk.aim`."""
@@ -29,7 +27,7 @@ class Desk(NamedTuple):
     sight: NDArray[np.int64]
     """Shape (units,)."""
     lane: NDArray[np.int64]
-    """Shape (2 teams, 16, 2): the cells in which each unit holds its lane, `DEEP` or `NEAR`."""
+    """Shape (2 teams, 16): the cell in which each unit holds a lane."""
     search: NDArray[np.int64]
     """Shape (2 teams, 16, 4): the cells where each unit looks, by turns, for a flag that its team does not know."""
     row: NDArray[np.int64]
@@ -58,7 +56,7 @@ def make_desk(ruleset: Ruleset) -> Desk:
         return np.zeros(shape, np.int64)
 
     return Desk(
-        ahead=zeros(2), sight=sight, lane=zeros(2, MAX_UNITS, 2), search=zeros(2, MAX_UNITS, N_SEARCHES), row=zeros(len(sight)),
+        ahead=zeros(2), sight=sight, lane=zeros(2, MAX_UNITS), search=zeros(2, MAX_UNITS, N_SEARCHES), row=zeros(len(sight)),
         column=zeros(len(sight)), living=zeros(len(sight)), seen=zeros(MAX_UNITS, 3), reach=zeros(MAX_UNITS),
         might=zeros(MAX_UNITS), gain=np.zeros((MAX_UNITS, 2)), aim=zeros(2 * MAX_UNITS, 3),
     )  # fmt: skip
@@ -72,9 +70,9 @@ def set_posts(desk: Desk, ruleset: Ruleset, team: Team, forward: int) -> None:
         n_walkers = sum(not unit.flies for unit in ruleset.team(other))
         desk.ahead[other] = ahead
         for unit in range(MAX_UNITS):
-            row = ((1 + 2 * (unit % 2)) * side // 4 + (unit // 2) * 2 - 1) % side
-            for place, behind in ((DEEP, int(_DEEP * side)), (NEAR, int(_NEAR * side))):
-                desk.lane[other, unit, place] = row * side + (side // 2 - 1 - behind if ahead > 0 else side // 2 + behind)
+            behind = int(_BEHIND * side)
+            desk.lane[other, unit] = (1 + 2 * (unit % 2)) * side // 4 * side
+            desk.lane[other, unit] += side // 2 - behind if ahead > 0 else side // 2 - 1 + behind
             for turn in range(N_SEARCHES):
                 row = ((2 * unit + 1) * side // (2 * max(n_walkers, 1)) + turn * (side // 3)) % side
                 desk.search[other, unit, turn] = row * side + (side - 1 - side // 6 if ahead > 0 else side // 6)

@@ -94,11 +94,11 @@ class Mind:
             self._walkable = belief.walkable[0].copy()
             find_ways(belief, self._ruleset.side, bench.tables, bench.ways)
             lay_ground(me, belief, bench)
-        if is_first:
+        if is_first or not effort.filters:
             for line in self.benches:
                 set_posts(line.desk, self._ruleset, self._team, int(belief.forward[0]))
             begin(me, belief, bench, seed ^ _FOLLOW)
-        follow(me, sight, belief, last_orders, is_first, bench, self._weights, seed ^ _FOLLOW)
+        follow(me, sight, belief, last_orders, is_first or not effort.filters, bench, self._weights, seed ^ _FOLLOW)
         self._write_blueprint()
         if is_first:
             copy_plan(BLUEPRINT, plans, LAST, plans)

@@ -22,9 +22,9 @@ class Role(IntEnum):
     RUSH = 1
     """To the enemy's flag, whatever it costs."""
     GUARD = 2
-    """Beside the own flag, or at an intruder near it."""
+    """At the own flag."""
     HUNT = 3
-    """At the nearest intruder, else behind the border."""
+    """At the nearest intruder, else as a guard."""
     HOLD = 4
     """In a lane of the own half."""
     GO = 5
@@ -43,9 +43,11 @@ class Role(IntEnum):
     """Of units that fly: over the own flag."""
     FOLLOW = 12
     """Of units that fly: over the nearest enemy on foot."""
+    DEFEND = 13
+    """At the nearest intruder, whatever it costs, else beside the own flag."""
 
 
-ATTACK, RUSH, GUARD, HUNT, HOLD, GO, CHASE, ROAM, PATROL, BOUNCE, SCOUT, WATCH, FOLLOW = map(int, Role)
+ATTACK, RUSH, GUARD, HUNT, HOLD, GO, CHASE, ROAM, PATROL, BOUNCE, SCOUT, WATCH, FOLLOW, DEFEND = map(int, Role)
 """The same for kernels, which store plain numbers."""
 
 
@@ -78,13 +80,13 @@ _NEVER, _ALL = 101, 16
 MODELS = {
     #                rest    calm g     h  cg    ch late    lg ag   life chases stays
     "role_team":     (ATTACK, 16, 2,    1, 0,    0, 80,     2, _ALL, 60, 0, 0),
-    "turtle":        (ATTACK, 12, 3,    1, 1,    3, 50,     2, 1,    60, 0, 0),
-    "border_hunter": (ATTACK, 12, 1,    2, 1,    3, 50,     1, 2,    60, 0, 0),
+    "turtle":        (ATTACK, 12, 3,    1, 1,    3, 50,     2, _ALL, 60, 0, 0),
+    "border_hunter": (ATTACK, 12, 2,    2, 1,    3, 50,     1, 2,    60, 0, 0),
     "squad":         (ATTACK, 12, 2,    2, 0,    0, _NEVER, 0, _ALL, 60, 0, 0),
     "scout_rush":    (ATTACK, 8,  1,    0, 0,    0, _NEVER, 0, 1,    60, 0, 0),
     "rush":          (RUSH,   0,  0,    0, 0,    0, _NEVER, 0, 0,    0,  0, 0),
     "fighter":       (BOUNCE, 0,  0,    0, 0,    0, _NEVER, 0, 0,    0,  1, 0),
-    "defend":        (GUARD,  0,  _ALL, 0, _ALL, 0, _NEVER, 0, _ALL, 0,  0, 1),
+    "defend":        (DEFEND, 0,  0,    0, 0,    0, _NEVER, 0, 0,    0,  0, 1),
     "random":        (ROAM,   0,  0,    0, 0,    0, _NEVER, 0, 0,    0,  0, 0),
     "patrol":        (PATROL, 0,  0,    0, 0,    0, _NEVER, 0, 0,    0,  0, 0),
     "roomba":        (BOUNCE, 0,  0,    0, 0,    0, _NEVER, 0, 0,    0,  0, 0),

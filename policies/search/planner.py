@@ -6,13 +6,15 @@ budget, it measures itself once, and thinks less.
 
 import logging
 import os
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.errors import PolicyError
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
@@ -21,6 +23,7 @@ from policies.search.budget import describe_budget, fit_budget, make_opening
 from policies.search.climb import Effort
 from policies.search.explain import explain
 from policies.search.mind import Mind
+from policies.search.settings import read_settings
 
 logger = logging.getLogger(__name__)
 MOST_SIDE = 40
@@ -36,6 +39,8 @@ class Planner(BatchPolicy):
     name: ClassVar[str] = "planner"
     budget: ClassVar[int] = 900
     """Playouts a tick."""
+    settings: ClassVar[Mapping[str, Any]] = {}
+    """Other values for fields of `Effort`."""
     n_worlds: ClassVar[int] = 128
     n_lines: ClassVar[int] = 1
     most_seats: ClassVar[int] = 8
@@ -43,15 +48,37 @@ class Planner(BatchPolicy):
 
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int) -> None:
         super().__init__(ruleset, team, n_seats)
-        self._effort = Effort.of(self.budget if _can_simulate(type(self), ruleset) else 0)
+        self._effort = self.effort_of(self.budget if _can_simulate(type(self), ruleset) else 0)
         self._minds = [Mind(ruleset, team, self.n_worlds, self.n_lines) for _ in range(n_seats)]
         self._pool = _make_pool(type(self))
         self._notes = [b""] * n_seats
 
+    @classmethod
+    def effort_of(cls, budget: int) -> Effort:
+        """Return how it spends a budget of playouts."""
+        return Effort.of(budget)._replace(**cls.settings)
+
+    @classmethod
+    def with_settings(cls, text: str) -> "type[Planner]":
+        """Return this planner with another budget, as in "2000", or with other settings, as in "budget=2000,hold=12".
+
+        Raises
+        ------
+        PolicyError
+            There is no such setting, or no such value of it.
+        """
+        settings = read_settings(cls.name, text if "=" in text else f"budget={text}", cls.effort_of(cls.budget)._asdict())
+        budget = int(settings.pop("budget", cls.budget))
+        if budget < LEAST_BUDGET:
+            raise PolicyError(
+                f"{cls.name}:{text} has a budget of {budget} playouts; {LEAST_BUDGET} is the least that tells plans apart"
+            )
+        return type(cls.__name__, (cls,), {"budget": budget, "settings": {**cls.settings, **settings}, "__module__": __name__})
+
     def set_turn_time(self, seconds: float) -> None:
         """Think no longer than a turn leaves room for."""
         if self._effort.budget:
-            self._effort = Effort.of(_fit(type(self), self.ruleset, self.team, seconds))
+            self._effort = self.effort_of(_fit(type(self), self.ruleset, self.team, seconds))
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Forget what some seats have in mind."""
@@ -109,7 +136,7 @@ def _can_simulate(planner: type[Planner], ruleset: Ruleset) -> bool:
 def _fit(planner: type[Planner], ruleset: Ruleset, team: Team, seconds: float) -> int:
     """Return how many playouts a planner has time for; measured once in a process, and said where its budget does not fit."""
     mind, opening, pool = Mind(ruleset, team, planner.n_worlds, planner.n_lines), make_opening(ruleset, team), _make_pool(planner)
-    fits = fit_budget(lambda n: mind.act(opening, Effort.of(n), pool), planner.budget, LEAST_BUDGET, seconds)
+    fits = fit_budget(lambda n: mind.act(opening, planner.effort_of(n), pool), planner.budget, LEAST_BUDGET, seconds)
     sentence = describe_budget(planner.name, fits, planner.budget, LEAST_BUDGET, seconds, _BLUEPRINT)
     if sentence:
         logger.warning(sentence)

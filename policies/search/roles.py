@@ -10,15 +10,12 @@ from arena.game.compiled import is_home, squared_distance
 from arena.game.state import Rule, StateField, Tables
 from arena.jit import jit
 from policies.chance import choose, mix
-from policies.search.desk import CELL, COLUMN, DEEP, N_SEARCHES, NEAR, ROW, Desk, look, place_units
-from policies.search.models import ATTACK, BOUNCE, CHASE, FOLLOW, GO, GUARD, HUNT, PATROL, ROAM, RUSH, WATCH, Column
+from policies.search.desk import CELL, COLUMN, N_SEARCHES, ROW, Desk, look, place_units
+from policies.search.models import ATTACK, BOUNCE, CHASE, DEFEND, FOLLOW, GO, GUARD, HUNT, PATROL, ROAM, RUSH, WATCH, Column
 from policies.search.steps import STAY, aim_at, careful_step, fly_to, may_meet, plain_step, weigh_enemies
-from policies.search.ways import Ways
+from policies.search.ways import NO_WAY, Ways
 from policies.search.worlds import Worlds, units_of
 
-_NEAR_HOME = 6
-"""How near to the own flag an intruder must be for its guards to go and meet it, in steps."""
-_ANYWHERE = 254
 _CHASERS_LIFE, _GUARDS_LIFE, _HUNTERS_LIFE = 5.0, 4.0, 8.0
 _WALK_TICKS, _FLY_TICKS = 16, 4
 """For how long a unit looks for a flag in one place."""
@@ -73,7 +70,7 @@ def order_team(
             orders[world, unit] = fly_to(unit, goal, tables, desk)
             continue
         cell, life = int(state.cell[world, unit]), float(model[Column.LIFE])
-        target, enemy = int(desk.lane[team, index, DEEP]), -1
+        target, enemy = int(desk.lane[team, index]), -1
         if role in (ATTACK, RUSH, CHASE, BOUNCE):
             if knows:
                 target = prize
@@ -87,11 +84,13 @@ def order_team(
             elif role == RUSH:
                 life = 0.0
         elif role == GUARD:
-            life, target = _GUARDS_LIFE, _post(index, home, tables)
-            enemy = _nearest_intruder(world, team, home, _NEAR_HOME, n_seen, worlds, ways, desk)
+            life, target = _GUARDS_LIFE, home
         elif role == HUNT:
-            life, target = _HUNTERS_LIFE, int(desk.lane[team, index, NEAR])
-            enemy = _nearest_intruder(world, team, cell, _ANYWHERE, n_seen, worlds, ways, desk)
+            life, target = _HUNTERS_LIFE, home
+            enemy = _nearest_intruder(world, team, cell, n_seen, worlds, ways, desk)
+        elif role == DEFEND:
+            life, target = 0.0, _post(index, home, tables)
+            enemy = _nearest_intruder(world, team, cell, n_seen, worlds, ways, desk)
         elif role == GO:
             target = int(worlds.goal[world, unit])
         elif role == PATROL:
@@ -132,11 +131,9 @@ def order_team_anew(
 
 @jit(inline=True)
 def _post(index: int, home: int, tables: Tables) -> int:
-    """Return a cell beside a flag; each of four units has its own."""
-    side = int(tables.rule[Rule.SIDE])
-    row, column = int(tables.place[home, 0]), int(tables.place[home, 1])
-    row += 1 if index % 4 == 0 else -1 if index % 4 == 1 else 0
-    column += 1 if index % 4 == 2 else -1 if index % 4 == 3 else 0
+    """Return a cell beside a flag; each of eight units has its own."""
+    side, place = int(tables.rule[Rule.SIDE]), index % 8 + (index % 8 > 3)  # the ninth, the middle, is the flag itself
+    row, column = int(tables.place[home, 0]) + place // 3 - 1, int(tables.place[home, 1]) + place % 3 - 1
     return min(max(row, 0), side - 1) * side + min(max(column, 0), side - 1)
 
 
@@ -152,9 +149,9 @@ def _nearest(cell: int, within: int, n_seen: int, ways: Ways, desk: Desk) -> int
 
 
 @jit(inline=True)
-def _nearest_intruder(world: int, team: int, cell: int, within: int, n_seen: int, worlds: Worlds, ways: Ways, desk: Desk) -> int:
+def _nearest_intruder(world: int, team: int, cell: int, n_seen: int, worlds: Worlds, ways: Ways, desk: Desk) -> int:
     """Return the cell of the enemy in sight on the own half that is fewest steps from a cell, or -1."""
-    nearest, least = -1, within + 1
+    nearest, least = -1, NO_WAY
     for enemy in range(n_seen):
         at = int(desk.seen[enemy, CELL])
         far = int(ways.far[at, cell])

@@ -1,6 +1,6 @@
 """What a world is worth that is not played to its end: the share of a win, from what matches came to from there.
 
-The weights are a logistic regression over the states of matches between scripts; `make value` fits them anew and compares.
+The weights are a logistic regression over the states of matches between scripts; `benchmarks.measuring.value_fit` fits them anew.
 """
 
 import numpy as np
