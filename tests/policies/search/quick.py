@@ -22,11 +22,22 @@ class Quick(PlannerFast):
     n_worlds = 16
 
 
-class QuickDeep(PlannerDeep):
+DARING = {"is_sure": -1e9}
+"""Settings of a planner that plays what it has found, however unsure it is; what it searches decides all that it does."""
+
+
+class Daring(Quick):
+    """One line of thought, and no doubt."""
+
+    settings = DARING
+
+
+class DaringDeep(PlannerDeep):
     """Several lines of thought, each as short."""
 
     name = "quick-deep"
     budget = PlannerDeep.n_lines * LEAST_BUDGET
+    settings = DARING
     n_worlds = 16
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from lookalikes import another_truth
 from numpy.typing import NDArray
-from quick import Quick, QuickDeep, begin_games, decide, play_tick, seat
+from quick import Daring, DaringDeep, Quick, begin_games, decide, play_tick, seat
 from worlds import lay, rules_for
 
 from arena.game.observation import Observations
@@ -62,8 +62,7 @@ def test_two_states_that_look_alike_to_a_seat_get_the_same_orders(
     team: Team, rules: str, size: Callable[[int, int], int]
 ) -> None:
     ruleset, rng, happened = load(rules), np.random.default_rng(5), Counter[str]()
-    enemy, knows, thinks = seat(Rush, ruleset, team.other), seat(Quick, ruleset, team), seat(Quick, ruleset, team)
-    n_deviated = 0
+    enemy, knows, thinks = seat(Rush, ruleset, team.other), seat(Daring, ruleset, team), seat(Daring, ruleset, team)
     for seed in range(size(2, 40)):
         games = begin_games(ruleset, [seed])
         for fighter in (enemy, knows, thinks):
@@ -75,12 +74,10 @@ def test_two_states_that_look_alike_to_a_seat_get_the_same_orders(
             np.testing.assert_array_equal(orders[team], decide(thinks, other.games.observe()[team]))
             games.step(np.concatenate([orders[one] for one in Team], axis=1))
             happened.update(other.kinds)
-            n_deviated += knows._minds[0].taken != BLUEPRINT  # type: ignore[attr-defined]  # of a planner
-    assert n_deviated > 0
     assert min(happened[kind] for kind in ("a hidden enemy", "a hidden flag", "a hidden cell", "an index in sight")) > 0
 
 
-@pytest.mark.parametrize("make", [Quick, QuickDeep])
+@pytest.mark.parametrize("make", [Daring, DaringDeep])
 def test_its_orders_are_the_same_anew_in_any_batch_after_another_match_and_with_what_it_explains(make: type[Planner]) -> None:
     alone = play(make, [3])
 
@@ -95,10 +92,10 @@ def test_its_orders_do_not_depend_on_how_many_threads_carry_its_thoughts(monkeyp
     played = []
     for n_threads in (1, 3):
         monkeypatch.setattr(os, "sched_getaffinity", lambda _, n=n_threads: set(range(n)))
-        planner = QuickDeep(PAPER, Team.BLUE, 1)
+        planner = DaringDeep(PAPER, Team.BLUE, 1)
         assert planner._pool is not None
         assert planner._pool._max_workers == n_threads
-        played.append(play(QuickDeep, [3]))
+        played.append(play(DaringDeep, [3]))
 
     np.testing.assert_array_equal(*played)
 
