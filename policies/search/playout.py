@@ -93,9 +93,10 @@ def play_out(world: int, me: int, plan: int, plans: Plans, bench: Bench, seed: n
         place_units(world, worlds, tables, bench.desk)
         for team in range(2):
             since = tick - hold if team == me else tick
-            if since >= 0 and since % _ASSIGNS == 0:
+            assigns = since >= 0 and since % _ASSIGNS == 0
+            if assigns:
                 assign_roles(world, team, worlds, bench.ways, tables, rows)
-            order_team(world, team, worlds, bench.ways, tables, rows, bench.desk, chance, bench.orders)
+            order_team(world, team, assigns or tick == 0, worlds, bench.ways, tables, rows, bench.desk, chance, bench.orders)
         if tick == 0:
             for unit in range(first, last):
                 if plans.first[plan, unit - first] != FROM_ROLE:
