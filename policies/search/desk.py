@@ -12,7 +12,7 @@ from arena.game.ruleset import MAX_UNITS, Ruleset
 from arena.game.state import Rule, StateField, Tables, Trait
 from arena.game.types import Team
 from arena.jit import jit
-from policies.search.worlds import Worlds, units_of
+from policies.search.worlds import Worlds, as_index, units_of
 
 _DEEP, _NEAR = 0.35, 0.15
 """How far behind the border units hold, and hunters wait, as shares of the board."""
@@ -50,11 +50,11 @@ class Desk(NamedTuple):
     """Shape (units,): the places where units stand."""
     then: NDArray[np.int64]
     """Shape (units,): where they will, as far as decided, else where they stand."""
-    aim: NDArray[np.int64]
+    aim: NDArray[np.uint16]
     """Shape (units,): the cell where a unit on foot will stand, as far as decided; else that after the last."""
     taken: NDArray[np.int8]
     """Shape (cells + 1,): how many units of the team want to stand there; zeros between two calls."""
-    target: NDArray[np.int64]
+    target: NDArray[np.uint16]
     """Shape (units,): the cell to which a unit's role leads if no enemy is in sight; as the next three."""
     life: NDArray[np.float64]
     """What a life is worth to it, in steps."""
@@ -62,7 +62,7 @@ class Desk(NamedTuple):
     """Which enemy in sight it goes for."""
     wanders: NDArray[np.int64]
     """The role of a unit that takes a new target as it goes, or orders at random; else -1."""
-    seen: NDArray[np.int64]
+    seen: NDArray[np.uint16]
     """Shape (16,): the enemies on foot in sight, as units."""
     gain: NDArray[np.float64]
     """Shape (16, 2): by how much one more unit in reach of each enemy raises the chance that it falls: one that is not, and one
@@ -103,9 +103,9 @@ def make_desk(ruleset: Ruleset) -> Desk:
         ahead=zeros(2), lane=zeros(2, MAX_UNITS, 2), search=zeros(2, MAX_UNITS, N_SEARCHES),
         place=cells + cells // side * side, gone=np.array([4, -4], np.int64) * side * side, near=near.reshape(-1),
         own=tables.unit[:, Trait.TYPE] * near[0].size + 8 * side * side, strength=tables.unit[:, Trait.STRENGTH].copy(),
-        at=zeros(len(units)), then=zeros(len(units)), aim=zeros(len(units)), taken=np.zeros(side * side + 1, np.int8),
-        target=zeros(len(units)), life=np.zeros(len(units)),
-        seeks=zeros(len(units)), wanders=zeros(len(units)), seen=zeros(MAX_UNITS),
+        at=zeros(len(units)), then=zeros(len(units)), aim=np.zeros(len(units), np.uint16),
+        taken=np.zeros(side * side + 1, np.int8), target=np.zeros(len(units), np.uint16), life=np.zeros(len(units)),
+        seeks=zeros(len(units)), wanders=zeros(len(units)), seen=np.zeros(MAX_UNITS, np.uint16),
         gain=np.zeros((MAX_UNITS, 2)), worth=np.zeros(MAX_UNITS), likely=np.array([0, 0, _STEPS_UP, 1.0] * 2),
     )  # fmt: skip
 
@@ -131,7 +131,7 @@ def place_units(world: int, worlds: Worlds, tables: Tables, desk: Desk) -> None:
     """Note where the units of a world stand."""
     blue, nowhere = int(tables.rule[Rule.BLUE_UNITS]), desk.taken.shape[0] - 1
     for unit in range(desk.at.shape[0]):
-        place = desk.place[worlds.state.cell[world, unit]]
+        place = desk.place[as_index(worlds.state.cell[world, unit])]
         if not worlds.state.alive[world, unit]:
             place = desk.gone[0 if unit < blue else 1]
         desk.at[unit], desk.then[unit], desk.aim[unit] = place, place, nowhere
@@ -145,14 +145,14 @@ def look(world: int, team: int, worlds: Worlds, tables: Tables, desk: Desk) -> i
     foe, after_foes, _ = units_of(1 - team, tables)
     is_open = int(tables.rule[Rule.FOG] == 0)
     if not worlds.knows[world, team]:
-        flag = state.field[world, StateField.RED_FLAG - team]
+        flag = as_index(state.field[world, StateField.RED_FLAG - team])
         worlds.knows[world, team] = is_open | sees(first, last, desk.place[flag], desk)
     found, raids = 0, False
     for enemy in range(foe, after_foes):
         is_seen = (is_open | sees(first, last, desk.at[enemy], desk)) & int(state.alive[world, enemy] != 0)
         desk.seen[found] = enemy
         found += is_seen
-        raids |= is_home(state.ground[world, state.cell[world, enemy]], team) & (is_seen != 0)
+        raids |= is_home(state.ground[world, as_index(state.cell[world, enemy])], team) & (is_seen != 0)
     if raids:
         worlds.raided[world, team] = state.field[world, StateField.TICK]
     return found
@@ -163,5 +163,11 @@ def sees(first: int, last: int, place: int, desk: Desk) -> int:
     """Return 1 if one of some units sees a place, else 0."""
     bits = 0
     for unit in range(first, last):
-        bits |= int(desk.near[desk.own[unit] + desk.at[unit] - place])
+        bits |= near_at(desk.own[unit] + desk.at[unit] - place, desk)
     return bits & SEES
+
+
+@jit(inline=True)
+def near_at(index: int, desk: Desk) -> int:
+    """Return what a unit can do at a place: `index` is `own[unit]` and the difference of the places, which is never negative."""
+    return int(desk.near[np.uint64(index)])

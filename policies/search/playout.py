@@ -19,7 +19,7 @@ from policies.search.plans import FROM_ROLE, Plans
 from policies.search.roles import order_team, order_team_anew
 from policies.search.value import N_FEATURES, WEIGHTS, value_of
 from policies.search.ways import Ways, make_ways
-from policies.search.worlds import Worlds, copy_world, make_worlds, units_of
+from policies.search.worlds import Worlds, as_index, copy_world, make_worlds, units_of
 
 _ASSIGNS = 4
 """Ticks between two looks at who takes which role."""
@@ -78,6 +78,7 @@ def play_out(world: int, me: int, plan: int, plans: Plans, bench: Bench, seed: n
         Ticks for which the plan is held; then the team plays by its own model.
     """
     worlds, tables, rows, state = bench.then, bench.tables, bench.rows, bench.then.state
+    world = as_index(world)
     copy_world(world, bench.now, world, worlds)
     left = int(tables.rule[Rule.TICK_LIMIT] - state.field[world, StateField.TICK])
     n_ticks = left if left <= horizon + _PLAYED_OUT else horizon

@@ -14,7 +14,7 @@ from policies.search.desk import DEEP, N_SEARCHES, NEAR, Desk, look, place_units
 from policies.search.models import ATTACK, BOUNCE, CHASE, FOLLOW, GO, GUARD, HUNT, PATROL, ROAM, RUSH, WATCH, Column
 from policies.search.steps import STAY, aim_at, careful_step, fly_to, may_meet, plain_step, weigh_enemies
 from policies.search.ways import Ways
-from policies.search.worlds import Worlds, units_of
+from policies.search.worlds import Worlds, as_index, units_of
 
 _NEAR_HOME = 6
 """How near to the own flag an intruder must be for its guards to go and meet it, in steps."""
@@ -53,11 +53,11 @@ def order_team(
     orders
         int8, shape (worlds, units).
     """
-    state, model = worlds.state, rows[worlds.model[world, team]]
+    state, model = worlds.state, rows[as_index(worlds.model[world, team])]
     first, flyers, last = units_of(team, tables)
     knew = worlds.knows[world, team]
     n_seen = look(world, team, worlds, tables, desk)
-    prize, tick = int(state.field[world, StateField.RED_FLAG - team]), int(state.field[world, StateField.TICK])
+    prize, tick = as_index(state.field[world, StateField.RED_FLAG - team]), as_index(state.field[world, StateField.TICK])
     knows = worlds.knows[world, team]
     if is_new or knows != knew or (not knows and tick % _FLY_TICKS == 0):
         _set_targets(world, team, worlds, tables, model, desk)
@@ -67,7 +67,7 @@ def order_team(
         if not state.alive[world, unit]:
             continue
         index, word = unit - first, chance >> np.uint64(2 * (unit - first))
-        cell, target = int(state.cell[world, unit]), int(desk.target[unit])
+        cell, target = as_index(state.cell[world, unit]), as_index(desk.target[unit])
         wanders, seeks = desk.wanders[unit], desk.seeks[unit]
         if wanders == ROAM:
             orders[world, unit] = choose(mix(chance + np.uint64(index)), 5)
@@ -82,13 +82,13 @@ def order_team(
             if seeks == _NEARER:
                 enemy = _nearest(world, cell, int(ways.far[target, cell]) - 1, n_seen, worlds, ways, desk)
             elif seeks == _INTRUDERS_NEAR_HOME:
-                home = int(state.field[world, StateField.BLUE_FLAG + team])
+                home = as_index(state.field[world, StateField.BLUE_FLAG + team])
                 enemy = _nearest_intruder(world, team, home, _NEAR_HOME, n_seen, worlds, ways, desk)
             elif seeks == _INTRUDERS:
                 enemy = _nearest_intruder(world, team, cell, _ANYWHERE, n_seen, worlds, ways, desk)
-            target = enemy if enemy >= 0 else target
+            target = as_index(enemy if enemy >= 0 else target)
             meets = desk.life[unit] > 0.0 and may_meet(unit, n_seen, desk)
-        target = int(ways.open[target])
+        target = as_index(ways.open[target])
         if meets:
             if not is_weighed:
                 weigh_enemies(world, team, first, flyers, n_seen, worlds, tables, desk)
@@ -98,15 +98,15 @@ def order_team(
             )
         else:
             action = plain_step(cell, target, word, ways, tables, desk)
-            to = int(tables.neighbour[action, cell])
+            to = as_index(tables.neighbour[action, cell])
             if model[Column.STAYS] and not is_home(state.ground[world, to], team):
                 action, to = STAY, cell
             orders[world, unit] = action
             aim_at(unit, to, desk)
     for unit in range(first, flyers):
-        desk.taken[desk.aim[unit]] = 0
+        desk.taken[as_index(desk.aim[unit])] = 0
     for unit in range(flyers, last):
-        cell, target = int(state.cell[world, unit]), int(desk.target[unit])
+        cell, target = as_index(state.cell[world, unit]), as_index(desk.target[unit])
         if not state.alive[world, unit]:
             orders[world, unit] = STAY
         elif desk.wanders[unit] == ROAM:
@@ -139,8 +139,8 @@ def _set_targets(world: int, team: int, worlds: Worlds, tables: Tables, model: N
     """Note what roles come to until they change, or the flag is found, or a flyer's search goes on."""
     field = worlds.state.field
     first, flyers, last = units_of(team, tables)
-    home, prize = int(field[world, StateField.BLUE_FLAG + team]), int(field[world, StateField.RED_FLAG - team])
-    knows, tick = worlds.knows[world, team], int(field[world, StateField.TICK])
+    home, prize = as_index(field[world, StateField.BLUE_FLAG + team]), as_index(field[world, StateField.RED_FLAG - team])
+    knows, tick = worlds.knows[world, team], as_index(field[world, StateField.TICK])
     for unit in range(first, last):
         index, role = unit - first, int(worlds.role[world, unit])
         target, life, seeks, wanders = int(desk.lane[team, index, DEEP]), float(model[Column.LIFE]), _NOBODY, _NEVER
@@ -188,7 +188,7 @@ def _nearest(world: int, cell: int, within: int, n_seen: int, worlds: Worlds, wa
     """Return the cell of the enemy in sight that is fewest steps away, or -1."""
     nearest, least = -1, within + 1
     for k in range(n_seen):
-        at = int(worlds.state.cell[world, desk.seen[k]])
+        at = as_index(worlds.state.cell[world, as_index(desk.seen[k])])
         far = int(ways.far[at, cell])
         if far < least:
             nearest, least = at, far
@@ -200,7 +200,7 @@ def _nearest_intruder(world: int, team: int, cell: int, within: int, n_seen: int
     """Return the cell of the enemy in sight on the own half that is fewest steps from a cell, or -1."""
     nearest, least = -1, within + 1
     for k in range(n_seen):
-        at = int(worlds.state.cell[world, desk.seen[k]])
+        at = as_index(worlds.state.cell[world, as_index(desk.seen[k])])
         far = int(ways.far[at, cell])
         if far < least and is_home(worlds.state.ground[world, at], team):
             nearest, least = at, far
@@ -212,7 +212,7 @@ def _nearest_to_flyer(world: int, cell: int, n_seen: int, worlds: Worlds, tables
     """Return the cell of the enemy in sight that is nearest by air; there is one."""
     nearest, least = cell, 1 << 30
     for k in range(n_seen):
-        at = int(worlds.state.cell[world, desk.seen[k]])
+        at = as_index(worlds.state.cell[world, as_index(desk.seen[k])])
         down, right = tables.place[at, 0] - tables.place[cell, 0], tables.place[at, 1] - tables.place[cell, 1]
         far = int(squared_distance(down, right))
         if far < least:

@@ -6,9 +6,9 @@ from arena.game.compiled import home_bonus, is_home, odds, own_strength
 from arena.game.state import Rule, Tables, Trait
 from arena.game.types import Action
 from arena.jit import jit
-from policies.search.desk import HITS, MAY_MEET, Desk
+from policies.search.desk import HITS, MAY_MEET, Desk, near_at
 from policies.search.ways import NO_WAY, Ways
-from policies.search.worlds import Worlds
+from policies.search.worlds import Worlds, as_index
 
 STAY, NORTH, EAST, SOUTH, WEST = (int(action) for action in Action)
 _N_ACTIONS = len(Action)
@@ -31,7 +31,7 @@ def plain_step(cell: int, target: int, word: np.uint64, ways: Ways, tables: Tabl
     best, least, turn = STAY, int(ways.far[target, cell]), int(word & np.uint64(3))
     for k in range(_N_ACTIONS - 1):
         action = 1 + (k + turn) % 4
-        to = int(tables.neighbour[action, cell])
+        to = as_index(tables.neighbour[action, cell])
         far = int(ways.far[target, to])
         is_better = (far < least) & (desk.taken[to] == 0)
         best, least = action if is_better else best, far if is_better else least
@@ -43,8 +43,8 @@ def may_meet(unit: int, n_seen: int, desk: Desk) -> bool:
     """Whether a unit and an enemy in sight, each after a step, may be in reach of each other."""
     bits, place = 0, desk.at[unit]
     for k in range(n_seen):
-        enemy = desk.seen[k]
-        bits |= int(desk.near[desk.own[enemy] + desk.at[enemy] - place])
+        enemy = as_index(desk.seen[k])
+        bits |= near_at(desk.own[enemy] + desk.at[enemy] - place, desk)
     return bits & MAY_MEET != 0
 
 
@@ -53,17 +53,17 @@ def weigh_enemies(world: int, team: int, first: int, last: int, n_seen: int, wor
     """Note what one more unit in reach of each enemy in sight is worth."""
     strength = int(desk.strength[first])
     for k in range(n_seen):
-        enemy = desk.seen[k]
+        enemy = as_index(desk.seen[k])
         place = desk.at[enemy]
         ours, theirs = 0, int(own_strength(desk.strength[enemy], tables.rule[Rule.SELF_COUNTS]))
         for unit in range(first, last):
-            hits = int(desk.near[desk.own[unit] + desk.at[unit] - place]) & HITS
+            hits = near_at(desk.own[unit] + desk.at[unit] - place, desk) & HITS
             ours += desk.strength[unit] if hits else 0
         for j in range(n_seen):
-            other = desk.seen[j]
-            hits = int(desk.near[desk.own[other] + desk.at[other] - place]) & HITS
+            other = as_index(desk.seen[j])
+            hits = near_at(desk.own[other] + desk.at[other] - place, desk) & HITS
             theirs += desk.strength[other] if hits and j != k else 0
-        at_home = is_home(worlds.state.ground[world, worlds.state.cell[world, enemy]], 1 - team)
+        at_home = is_home(worlds.state.ground[world, as_index(worlds.state.cell[world, enemy])], 1 - team)
         bonus, against = float(home_bonus(not at_home)), float(theirs + home_bonus(at_home))
         for is_counted in range(2):
             others = float(max(ours - strength * is_counted, 0))
@@ -99,31 +99,31 @@ def careful_step(
     life
         What a life is worth, one's own or an enemy's, in steps.
     """
-    ground, cell, turn = worlds.state.ground, int(worlds.state.cell[world, unit]), int(word & np.uint64(3))
+    ground, cell, turn = worlds.state.ground, as_index(worlds.state.cell[world, unit]), int(word & np.uint64(3))
     own, here = desk.own[unit], desk.at[unit]
     for k in range(n_seen):
-        hits = int(desk.near[own + here - desk.at[desk.seen[k]]]) & HITS
+        hits = near_at(own + here - desk.at[as_index(desk.seen[k])], desk) & HITS
         desk.worth[k] = desk.gain[k, 1] if hits else desk.gain[k, 0]
     desk.then[unit] = desk.gone[team]
     best, least, aim = STAY, 1e9, cell
     for k in range(_N_ACTIONS):
         action = STAY if k == 0 else 1 + (k + turn) % 4
-        to = int(tables.neighbour[action, cell])
+        to = as_index(tables.neighbour[action, cell])
         if action != STAY and (to == cell or ways.open[to] != to):
             continue
         far, place = int(ways.far[target, to]), desk.place[to]
         cost = float(far) if far != NO_WAY else _LOST
         against, kills = 0.0, 0.0
         for j in range(n_seen):
-            enemy = desk.seen[j]
-            likely = desk.likely[int(desk.near[desk.own[enemy] + desk.at[enemy] - place]) >> 1]
+            enemy = as_index(desk.seen[j])
+            likely = desk.likely[near_at(desk.own[enemy] + desk.at[enemy] - place, desk) >> 1]
             against += likely * desk.strength[enemy]
             kills += likely * desk.worth[j]
         if against > 0.0:
             at_home = is_home(ground[world, to], team)
             force = int(own_strength(desk.strength[unit], tables.rule[Rule.SELF_COUNTS])) + int(home_bonus(at_home))
             for friend in range(first, last):
-                hits = int(desk.near[own + desk.then[friend] - place]) & HITS
+                hits = near_at(own + desk.then[friend] - place, desk) & HITS
                 force += desk.strength[friend] if hits else 0
             if tables.rule[Rule.RANDOM_COMBAT]:
                 against += home_bonus(not at_home)
