@@ -67,8 +67,12 @@ def order_team(
         if not state.alive[world, unit]:
             continue
         index, word = unit - first, chance >> np.uint64(2 * (unit - first))
-        cell, target = as_index(state.cell[world, unit]), as_index(desk.target[unit])
-        wanders, seeks = desk.wanders[unit], desk.seeks[unit]
+        cell, target, wanders, seeks = (
+            as_index(state.cell[world, unit]),
+            as_index(desk.target[unit]),
+            desk.wanders[unit],
+            desk.seeks[unit],
+        )
         if wanders == ROAM:
             orders[world, unit] = choose(mix(chance + np.uint64(index)), 5)
             continue
