@@ -48,6 +48,8 @@ class Desk(NamedTuple):
     """Shape (units,)."""
     at: NDArray[np.int64]
     """Shape (units,): the places where units stand."""
+    eye: NDArray[np.int64]
+    """Shape (units,): the same and `own[unit]`."""
     then: NDArray[np.int64]
     """Shape (units,): where they will, as far as decided, else where they stand."""
     aim: NDArray[np.uint16]
@@ -103,7 +105,7 @@ def make_desk(ruleset: Ruleset) -> Desk:
         ahead=zeros(2), lane=zeros(2, MAX_UNITS, 2), search=zeros(2, MAX_UNITS, N_SEARCHES),
         place=cells + cells // side * side, gone=np.array([4, -4], np.int64) * side * side, near=near.reshape(-1),
         own=tables.unit[:, Trait.TYPE] * near[0].size + 8 * side * side, strength=tables.unit[:, Trait.STRENGTH].copy(),
-        at=zeros(len(units)), then=zeros(len(units)), aim=np.zeros(len(units), np.uint16),
+        at=zeros(len(units)), eye=zeros(len(units)), then=zeros(len(units)), aim=np.zeros(len(units), np.uint16),
         taken=np.zeros(side * side + 1, np.int8), target=np.zeros(len(units), np.uint16), life=np.zeros(len(units)),
         seeks=zeros(len(units)), wanders=zeros(len(units)), seen=np.zeros(MAX_UNITS, np.uint16),
         gain=np.zeros((MAX_UNITS, 2)), worth=np.zeros(MAX_UNITS), likely=np.array([0, 0, _STEPS_UP, 1.0] * 2),
@@ -134,7 +136,7 @@ def place_units(world: int, worlds: Worlds, tables: Tables, desk: Desk) -> None:
         place = desk.place[as_index(worlds.state.cell[world, unit])]
         if not worlds.state.alive[world, unit]:
             place = desk.gone[0 if unit < blue else 1]
-        desk.at[unit], desk.then[unit], desk.aim[unit] = place, place, nowhere
+        desk.at[unit], desk.eye[unit], desk.then[unit], desk.aim[unit] = place, desk.own[unit] + place, place, nowhere
 
 
 @jit(inline=True)
@@ -147,14 +149,14 @@ def look(world: int, team: int, worlds: Worlds, tables: Tables, desk: Desk) -> i
     if not worlds.knows[world, team]:
         flag = as_index(state.field[world, StateField.RED_FLAG - team])
         worlds.knows[world, team] = is_open | sees(first, last, desk.place[flag], desk)
-    found, raids = 0, False
-    for enemy in range(foe, after_foes):
-        is_seen = (is_open | sees(first, last, desk.at[enemy], desk)) & int(state.alive[world, enemy] != 0)
-        desk.seen[found] = enemy
-        found += is_seen
-        raids |= is_home(state.ground[world, as_index(state.cell[world, enemy])], team) & (is_seen != 0)
-    if raids:
-        worlds.raided[world, team] = state.field[world, StateField.TICK]
+    found = 0
+    for number in range(foe, after_foes):
+        enemy = as_index(number)
+        if state.alive[world, enemy] and is_open | sees(first, last, desk.at[enemy], desk):
+            desk.seen[found] = enemy
+            found += 1
+            if is_home(state.ground[world, as_index(state.cell[world, enemy])], team):
+                worlds.raided[world, team] = state.field[world, StateField.TICK]
     return found
 
 
@@ -163,7 +165,7 @@ def sees(first: int, last: int, place: int, desk: Desk) -> int:
     """Return 1 if one of some units sees a place, else 0."""
     bits = 0
     for unit in range(first, last):
-        bits |= near_at(desk.own[unit] + desk.at[unit] - place, desk)
+        bits |= near_at(desk.eye[as_index(unit)] - place, desk)
     return bits & SEES
 
 

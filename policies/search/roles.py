@@ -62,11 +62,12 @@ def order_team(
     if is_new or knows != knew or (not knows and tick % _FLY_TICKS == 0):
         _set_targets(world, team, worlds, tables, model, desk)
     chance, is_weighed, careful = mix(seed ^ np.uint64(tick * 2 + team)), False, prize if knows else -1
-    for unit in range(first, flyers):
+    for number in range(first, flyers):
+        unit = as_index(number)
         orders[world, unit] = STAY
         if not state.alive[world, unit]:
             continue
-        index, word = unit - first, chance >> np.uint64(2 * (unit - first))
+        index, word = as_index(unit - first), chance >> np.uint64(2 * (unit - first))
         cell, target, wanders, seeks = (
             as_index(state.cell[world, unit]),
             as_index(desk.target[unit]),
@@ -108,8 +109,9 @@ def order_team(
             orders[world, unit] = action
             aim_at(unit, to, desk)
     for unit in range(first, flyers):
-        desk.taken[as_index(desk.aim[unit])] = 0
-    for unit in range(flyers, last):
+        desk.taken[as_index(desk.aim[as_index(unit)])] = 0
+    for number in range(flyers, last):
+        unit = as_index(number)
         cell, target = as_index(state.cell[world, unit]), as_index(desk.target[unit])
         if not state.alive[world, unit]:
             orders[world, unit] = STAY
@@ -145,8 +147,9 @@ def _set_targets(world: int, team: int, worlds: Worlds, tables: Tables, model: N
     first, flyers, last = units_of(team, tables)
     home, prize = as_index(field[world, StateField.BLUE_FLAG + team]), as_index(field[world, StateField.RED_FLAG - team])
     knows, tick = worlds.knows[world, team], as_index(field[world, StateField.TICK])
-    for unit in range(first, last):
-        index, role = unit - first, int(worlds.role[world, unit])
+    for number in range(first, last):
+        unit = as_index(number)
+        index, role = as_index(unit - first), int(worlds.role[world, unit])
         target, life, seeks, wanders = int(desk.lane[team, index, DEEP]), float(model[Column.LIFE]), _NOBODY, _NEVER
         if unit >= flyers:
             target = prize if knows else int(desk.search[team, 1 + last - unit, tick // _FLY_TICKS % N_SEARCHES])

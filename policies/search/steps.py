@@ -44,7 +44,7 @@ def may_meet(unit: int, n_seen: int, desk: Desk) -> bool:
     bits, place = 0, desk.at[unit]
     for k in range(n_seen):
         enemy = as_index(desk.seen[k])
-        bits |= near_at(desk.own[enemy] + desk.at[enemy] - place, desk)
+        bits |= near_at(desk.eye[enemy] - place, desk)
     return bits & MAY_MEET != 0
 
 
@@ -56,12 +56,13 @@ def weigh_enemies(world: int, team: int, first: int, last: int, n_seen: int, wor
         enemy = as_index(desk.seen[k])
         place = desk.at[enemy]
         ours, theirs = 0, int(own_strength(desk.strength[enemy], tables.rule[Rule.SELF_COUNTS]))
-        for unit in range(first, last):
-            hits = near_at(desk.own[unit] + desk.at[unit] - place, desk) & HITS
+        for number in range(first, last):
+            unit = as_index(number)
+            hits = near_at(desk.eye[unit] - place, desk) & HITS
             ours += desk.strength[unit] if hits else 0
         for j in range(n_seen):
             other = as_index(desk.seen[j])
-            hits = near_at(desk.own[other] + desk.at[other] - place, desk) & HITS
+            hits = near_at(desk.eye[other] - place, desk) & HITS
             theirs += desk.strength[other] if hits and j != k else 0
         at_home = is_home(worlds.state.ground[world, as_index(worlds.state.cell[world, enemy])], 1 - team)
         bonus, against = float(home_bonus(not at_home)), float(theirs + home_bonus(at_home))
@@ -100,9 +101,9 @@ def careful_step(
         What a life is worth, one's own or an enemy's, in steps.
     """
     ground, cell, turn = worlds.state.ground, as_index(worlds.state.cell[world, unit]), int(word & np.uint64(3))
-    own, here = desk.own[unit], desk.at[unit]
+    own, eye = desk.own[unit], desk.eye[unit]
     for k in range(n_seen):
-        hits = near_at(own + here - desk.at[as_index(desk.seen[k])], desk) & HITS
+        hits = near_at(eye - desk.at[as_index(desk.seen[k])], desk) & HITS
         desk.worth[k] = desk.gain[k, 1] if hits else desk.gain[k, 0]
     desk.then[unit] = desk.gone[team]
     best, least, aim = STAY, 1e9, cell
@@ -116,13 +117,14 @@ def careful_step(
         against, kills = 0.0, 0.0
         for j in range(n_seen):
             enemy = as_index(desk.seen[j])
-            likely = desk.likely[near_at(desk.own[enemy] + desk.at[enemy] - place, desk) >> 1]
+            likely = desk.likely[near_at(desk.eye[enemy] - place, desk) >> 1]
             against += likely * desk.strength[enemy]
             kills += likely * desk.worth[j]
         if against > 0.0:
             at_home = is_home(ground[world, to], team)
             force = int(own_strength(desk.strength[unit], tables.rule[Rule.SELF_COUNTS])) + int(home_bonus(at_home))
-            for friend in range(first, last):
+            for number in range(first, last):
+                friend = as_index(number)
                 hits = near_at(own + desk.then[friend] - place, desk) & HITS
                 force += desk.strength[friend] if hits else 0
             if tables.rule[Rule.RANDOM_COMBAT]:
