@@ -62,9 +62,9 @@ class Effort(NamedTuple):
     """In which the winner is, and the best plan against the blueprint."""
     n_kept: int = 3
     """How many go on from few worlds to more."""
-    hold: int = 20
+    hold: int = 30
     """Ticks for which a plan is held in a playout."""
-    horizon: int = 35
+    horizon: int = 50
     """Ticks of a playout."""
     is_better: float = 0.5
     """By how many standard errors a plan must lead to take the place of the best."""

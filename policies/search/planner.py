@@ -37,7 +37,7 @@ class Planner(BatchPolicy):
     """Thinks about 25 ms a tick."""
 
     name: ClassVar[str] = "planner"
-    budget: ClassVar[int] = 900
+    budget: ClassVar[int] = 800
     """Playouts a tick."""
     settings: ClassVar[Mapping[str, Any]] = {}
     """Other values for fields of `Effort`."""

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from arena.game.engine import WORK_SHAPE, tables_of
 from arena.game.fight import fight, judge
+from arena.game.kernel import DEFAULT_SHAPE
 from arena.game.move import move
 from arena.game.ruleset import Ruleset
-from arena.game.state import Rule, StateField, Tables
+from arena.game.state import Rule, Shape, State, StateField, Tables
 from arena.game.types import Termination
 from arena.jit import jit
 from policies.chance import mix
@@ -19,7 +20,7 @@ from policies.search.plans import FROM_ROLE, Plans
 from policies.search.roles import order_team, order_team_anew
 from policies.search.value import N_FEATURES, WEIGHTS, value_of
 from policies.search.ways import Ways, make_ways
-from policies.search.worlds import Worlds, copy_world, make_worlds, units_of
+from policies.search.worlds import Worlds, as_index, copy_world, make_worlds, units_of
 
 _ASSIGNS = 4
 """Ticks between two looks at who takes which role."""
@@ -66,6 +67,22 @@ def make_bench(ruleset: Ruleset, n_worlds: int, shared: "Bench | None" = None) -
     )
 
 
+@jit(inline=True)
+def _step_inline(
+    world: int, shape: Shape, state: State, orders: NDArray[np.int8], tables: Tables, work: NDArray[np.int64]
+) -> None:
+    """Play a tick of one world by the rules."""
+    move(world, shape, state, orders, tables, work)
+    fight(world, shape, state, tables, work)
+    judge(world, shape, state, tables)
+
+
+@jit()
+def _step(world: int, shape: Shape, state: State, orders: NDArray[np.int8], tables: Tables, work: NDArray[np.int64]) -> None:
+    """`_step_inline`, apart: for all boards but the default, whose sizes the compiler knows where it is inlined."""
+    _step_inline(world, shape, state, orders, tables, work)
+
+
 @jit()
 def play_out(world: int, me: int, plan: int, plans: Plans, bench: Bench, seed: np.uint64, horizon: int, hold: int) -> float:
     """Return what a plan comes to in one world: the share of a win, from 0 to 1.
@@ -78,6 +95,7 @@ def play_out(world: int, me: int, plan: int, plans: Plans, bench: Bench, seed: n
         Ticks for which the plan is held; then the team plays by its own model.
     """
     worlds, tables, rows, state = bench.then, bench.tables, bench.rows, bench.then.state
+    world = as_index(world)
     copy_world(world, bench.now, world, worlds)
     left = int(tables.rule[Rule.TICK_LIMIT] - state.field[world, StateField.TICK])
     n_ticks = left if left <= horizon + _PLAYED_OUT else horizon
@@ -88,21 +106,23 @@ def play_out(world: int, me: int, plan: int, plans: Plans, bench: Bench, seed: n
         tables.rule[Rule.SIDE], tables.rule[Rule.BLUE_UNITS], tables.rule[Rule.BLUE_WALKERS], tables.rule[Rule.RED_UNITS],
         tables.rule[Rule.RED_WALKERS],
     )  # fmt: skip
-    chance = seed ^ mix(np.uint64(world))
+    chance, is_default = seed ^ mix(np.uint64(world)), shape == DEFAULT_SHAPE
     for tick in range(n_ticks):
         place_units(world, worlds, tables, bench.desk)
         for team in range(2):
             since = tick - hold if team == me else tick
-            if since >= 0 and since % _ASSIGNS == 0:
+            assigns = since >= 0 and since % _ASSIGNS == 0
+            if assigns:
                 assign_roles(world, team, worlds, bench.ways, tables, rows)
-            order_team(world, team, worlds, bench.ways, tables, rows, bench.desk, chance, bench.orders)
+            order_team(world, team, assigns or tick == 0, worlds, bench.ways, tables, rows, bench.desk, chance, bench.orders)
         if tick == 0:
             for unit in range(first, last):
                 if plans.first[plan, unit - first] != FROM_ROLE:
                     bench.orders[world, unit] = plans.first[plan, unit - first]
-        move(world, shape, state, bench.orders, tables, bench.work)
-        fight(world, shape, state, tables, bench.work)
-        judge(world, shape, state, tables)
+        if is_default:
+            _step_inline(world, DEFAULT_SHAPE, state, bench.orders, tables, bench.work)
+        else:
+            _step(world, shape, state, bench.orders, tables, bench.work)
         if state.field[world, StateField.ENDING] != Termination.RUNNING:
             winner = int(state.field[world, StateField.WINNER])
             return 0.5 if winner < 0 else 1.0 if winner == me else 0.0

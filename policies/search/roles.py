@@ -10,21 +10,27 @@ from arena.game.compiled import is_home, squared_distance
 from arena.game.state import Rule, StateField, Tables
 from arena.jit import jit
 from policies.chance import choose, mix
-from policies.search.desk import CELL, COLUMN, N_SEARCHES, ROW, Desk, look, place_units
+from policies.search.desk import N_SEARCHES, Desk, look, place_units
 from policies.search.models import ATTACK, BOUNCE, CHASE, DEFEND, FOLLOW, GO, GUARD, HUNT, PATROL, ROAM, RUSH, WATCH, Column
 from policies.search.steps import STAY, aim_at, careful_step, fly_to, may_meet, plain_step, weigh_enemies
 from policies.search.ways import NO_WAY, Ways
-from policies.search.worlds import Worlds, units_of
+from policies.search.worlds import Worlds, as_index, units_of
 
 _CHASERS_LIFE, _GUARDS_LIFE, _HUNTERS_LIFE = 5.0, 4.0, 8.0
 _WALK_TICKS, _FLY_TICKS = 16, 4
 """For how long a unit looks for a flag in one place."""
+_NOBODY, _NEARER, _INTRUDERS, _FROM_ABOVE = range(4)
+"""Of `Desk.seeks`: nobody; the nearest, if it is nearer than the target; the intruder nearest to the own flag, or to it;
+the nearest by air."""
+_NEVER = -1
+"""Of `Desk.wanders`, which is else a role."""
 
 
 @jit(inline=True)
 def order_team(
     world: int,
     team: int,
+    is_new: bool,
     worlds: Worlds,
     ways: Ways,
     tables: Tables,
@@ -37,79 +43,78 @@ def order_team(
 
     Parameters
     ----------
+    is_new
+        Whether this is a world's first tick, or roles have changed since the last.
     rows
         `models.ROWS`, which numba would else compile in as constants.
     orders
         int8, shape (worlds, units).
     """
-    state, model = worlds.state, rows[worlds.model[world, team]]
+    state, model = worlds.state, rows[as_index(worlds.model[world, team])]
     first, flyers, last = units_of(team, tables)
+    knew = worlds.knows[world, team]
     n_seen = look(world, team, worlds, tables, desk)
-    home, prize = int(state.field[world, StateField.BLUE_FLAG + team]), int(state.field[world, StateField.RED_FLAG - team])
-    knows, tick = worlds.knows[world, team], int(state.field[world, StateField.TICK])
-    chance = mix(seed ^ np.uint64(tick * 2 + team))
-    for unit in range(first, flyers):
-        desk.aim[unit, CELL] = -1
-    is_weighed = False
-    for unit in range(first, last):
+    prize, tick = as_index(state.field[world, StateField.RED_FLAG - team]), as_index(state.field[world, StateField.TICK])
+    knows = worlds.knows[world, team]
+    if is_new or knows != knew or (not knows and tick % _FLY_TICKS == 0):
+        _set_targets(world, team, worlds, tables, model, desk)
+    chance, is_weighed, careful = mix(seed ^ np.uint64(tick * 2 + team)), False, prize if knows else -1
+    for number in range(first, flyers):
+        unit = as_index(number)
         orders[world, unit] = STAY
         if not state.alive[world, unit]:
             continue
-        index, role, word = unit - first, int(worlds.role[world, unit]), chance >> np.uint64(2 * (unit - first))
-        if role == ROAM:
+        index, word = as_index(unit - first), chance >> np.uint64(2 * (unit - first))
+        cell, target, wanders, seeks = (
+            as_index(state.cell[world, unit]),
+            as_index(desk.target[unit]),
+            desk.wanders[unit],
+            desk.seeks[unit],
+        )
+        if wanders == ROAM:
             orders[world, unit] = choose(mix(chance + np.uint64(index)), 5)
             continue
-        if unit >= flyers:
-            goal = home
-            if role == GO:
-                goal = int(worlds.goal[world, unit])
-            elif role == FOLLOW and n_seen:
-                goal = _nearest_to_flyer(unit, n_seen, desk)
-            elif role != WATCH:
-                goal = prize if knows else int(desk.search[team, 1 + last - unit, tick // _FLY_TICKS % N_SEARCHES])
-            orders[world, unit] = fly_to(unit, goal, tables, desk)
-            continue
-        cell, life = int(state.cell[world, unit]), float(model[Column.LIFE])
-        target, enemy = int(desk.lane[team, index]), -1
-        if role in (ATTACK, RUSH, CHASE, BOUNCE):
-            if knows:
-                target = prize
-            elif role == BOUNCE:
-                target = _bounce(world, unit, team, cell, mix(chance + np.uint64(index)), worlds, ways, tables, desk)
-            else:
-                target = int(desk.search[team, index, tick // _WALK_TICKS % N_SEARCHES])
-            if role == CHASE or model[Column.CHASES]:
-                enemy = _nearest(cell, int(ways.far[target, cell]) - 1, n_seen, ways, desk)
-                life = _CHASERS_LIFE if role == CHASE else 0.0
-            elif role == RUSH:
-                life = 0.0
-        elif role == GUARD:
-            life, target = _GUARDS_LIFE, home
-        elif role == HUNT:
-            life, target = _HUNTERS_LIFE, home
-            enemy = _nearest_intruder(world, team, cell, n_seen, worlds, ways, desk)
-        elif role == DEFEND:
-            life, target = 0.0, _post(index, home, tables)
-            enemy = _nearest_intruder(world, team, cell, n_seen, worlds, ways, desk)
-        elif role == GO:
-            target = int(worlds.goal[world, unit])
-        elif role == PATROL:
+        if wanders == PATROL:
             target = _patrol(world, unit, team, cell, worlds, ways, tables, desk)
-        target = int(ways.open[enemy if enemy >= 0 else target])
-        if life > 0.0 and may_meet(unit, n_seen, desk):
+        elif wanders == BOUNCE:
+            target = _bounce(world, unit, team, cell, mix(chance + np.uint64(index)), worlds, ways, tables, desk)
+        meets = False
+        if n_seen:
+            enemy = -1
+            if seeks == _NEARER:
+                enemy = _nearest(world, cell, int(ways.far[target, cell]) - 1, n_seen, worlds, ways, desk)
+            elif seeks == _INTRUDERS:
+                enemy = _nearest_intruder(world, team, cell, n_seen, worlds, ways, desk)
+            target = as_index(enemy if enemy >= 0 else target)
+            meets = desk.life[unit] > 0.0 and may_meet(unit, n_seen, desk)
+        target = as_index(ways.open[target])
+        if meets:
             if not is_weighed:
                 weigh_enemies(world, team, first, flyers, n_seen, worlds, tables, desk)
                 is_weighed = True
             orders[world, unit] = careful_step(
-                world, team, first, flyers, unit, target, prize if knows else -1, life, n_seen, word, worlds, ways, tables, desk
+                world, team, first, flyers, unit, target, careful, desk.life[unit], n_seen, word, worlds, ways, tables, desk
             )
         else:
-            action = plain_step(first, unit, cell, target, word, ways, tables, desk)
-            to = int(tables.neighbour[action, cell])
+            action = plain_step(cell, target, word, ways, tables, desk)
+            to = as_index(tables.neighbour[action, cell])
             if model[Column.STAYS] and not is_home(state.ground[world, to], team):
                 action, to = STAY, cell
             orders[world, unit] = action
-            aim_at(unit, to, tables, desk)
+            aim_at(unit, to, desk)
+    for unit in range(first, flyers):
+        desk.taken[as_index(desk.aim[as_index(unit)])] = 0
+    for number in range(flyers, last):
+        unit = as_index(number)
+        cell, target = as_index(state.cell[world, unit]), as_index(desk.target[unit])
+        if not state.alive[world, unit]:
+            orders[world, unit] = STAY
+        elif desk.wanders[unit] == ROAM:
+            orders[world, unit] = choose(mix(chance + np.uint64(unit - first)), 5)
+        else:
+            if n_seen and desk.seeks[unit] == _FROM_ABOVE:
+                target = _nearest_to_flyer(world, cell, n_seen, worlds, tables, desk)
+            orders[world, unit] = fly_to(unit, cell, target, tables)
 
 
 @jit()
@@ -126,7 +131,49 @@ def order_team_anew(
 ) -> None:
     """`place_units` and `order_team`, compiled once for all who need no more than one tick."""
     place_units(world, worlds, tables, desk)
-    order_team(world, team, worlds, ways, tables, rows, desk, seed, orders)
+    order_team(world, team, True, worlds, ways, tables, rows, desk, seed, orders)
+
+
+@jit(inline=True)
+def _set_targets(world: int, team: int, worlds: Worlds, tables: Tables, model: NDArray[np.int64], desk: Desk) -> None:
+    """Note what roles come to until they change, or the flag is found, or a flyer's search goes on."""
+    field = worlds.state.field
+    first, flyers, last = units_of(team, tables)
+    home, prize = as_index(field[world, StateField.BLUE_FLAG + team]), as_index(field[world, StateField.RED_FLAG - team])
+    knows, tick = worlds.knows[world, team], as_index(field[world, StateField.TICK])
+    for number in range(first, last):
+        unit = as_index(number)
+        index, role = as_index(unit - first), int(worlds.role[world, unit])
+        target, life, seeks, wanders = int(desk.lane[team, index]), float(model[Column.LIFE]), _NOBODY, _NEVER
+        if unit >= flyers:
+            target = prize if knows else int(desk.search[team, 1 + last - unit, tick // _FLY_TICKS % N_SEARCHES])
+            if role == GO:
+                target = int(worlds.goal[world, unit])
+            elif role == WATCH:
+                target = home
+            elif role == FOLLOW:
+                seeks = _FROM_ABOVE
+        elif role in (ATTACK, RUSH, CHASE, BOUNCE):
+            target = prize if knows else int(desk.search[team, index, tick // _WALK_TICKS % N_SEARCHES])
+            if role == BOUNCE and not knows:
+                wanders = BOUNCE
+            if role == CHASE or model[Column.CHASES]:
+                life, seeks = _CHASERS_LIFE if role == CHASE else 0.0, _NEARER
+            elif role == RUSH:
+                life = 0.0
+        elif role == GUARD:
+            life, target = _GUARDS_LIFE, home
+        elif role == HUNT:
+            life, target, seeks = _HUNTERS_LIFE, home, _INTRUDERS
+        elif role == DEFEND:
+            life, target, seeks = 0.0, _post(index, home, tables), _INTRUDERS
+        elif role == GO:
+            target = int(worlds.goal[world, unit])
+        elif role == PATROL:
+            wanders = PATROL
+        if role == ROAM:
+            wanders = ROAM
+        desk.target[unit], desk.life[unit], desk.seeks[unit], desk.wanders[unit] = target, life, seeks, wanders
 
 
 @jit(inline=True)
@@ -138,13 +185,14 @@ def _post(index: int, home: int, tables: Tables) -> int:
 
 
 @jit(inline=True)
-def _nearest(cell: int, within: int, n_seen: int, ways: Ways, desk: Desk) -> int:
+def _nearest(world: int, cell: int, within: int, n_seen: int, worlds: Worlds, ways: Ways, desk: Desk) -> int:
     """Return the cell of the enemy in sight that is fewest steps away, or -1."""
     nearest, least = -1, within + 1
-    for enemy in range(n_seen):
-        far = int(ways.far[desk.seen[enemy, CELL], cell])
+    for k in range(n_seen):
+        at = as_index(worlds.state.cell[world, as_index(desk.seen[k])])
+        far = int(ways.far[at, cell])
         if far < least:
-            nearest, least = int(desk.seen[enemy, CELL]), far
+            nearest, least = at, far
     return nearest
 
 
@@ -152,8 +200,8 @@ def _nearest(cell: int, within: int, n_seen: int, ways: Ways, desk: Desk) -> int
 def _nearest_intruder(world: int, team: int, cell: int, n_seen: int, worlds: Worlds, ways: Ways, desk: Desk) -> int:
     """Return the cell of the enemy in sight on the own half that is fewest steps from a cell, or -1."""
     nearest, least = -1, NO_WAY
-    for enemy in range(n_seen):
-        at = int(desk.seen[enemy, CELL])
+    for k in range(n_seen):
+        at = as_index(worlds.state.cell[world, as_index(desk.seen[k])])
         far = int(ways.far[at, cell])
         if far < least and is_home(worlds.state.ground[world, at], team):
             nearest, least = at, far
@@ -161,13 +209,15 @@ def _nearest_intruder(world: int, team: int, cell: int, n_seen: int, worlds: Wor
 
 
 @jit(inline=True)
-def _nearest_to_flyer(unit: int, n_seen: int, desk: Desk) -> int:
+def _nearest_to_flyer(world: int, cell: int, n_seen: int, worlds: Worlds, tables: Tables, desk: Desk) -> int:
     """Return the cell of the enemy in sight that is nearest by air; there is one."""
-    nearest, least = int(desk.seen[0, CELL]), 1 << 30
-    for enemy in range(n_seen):
-        far = int(squared_distance(desk.seen[enemy, ROW] - desk.row[unit], desk.seen[enemy, COLUMN] - desk.column[unit]))
+    nearest, least = cell, 1 << 30
+    for k in range(n_seen):
+        at = as_index(worlds.state.cell[world, as_index(desk.seen[k])])
+        down, right = tables.place[at, 0] - tables.place[cell, 0], tables.place[at, 1] - tables.place[cell, 1]
+        far = int(squared_distance(down, right))
         if far < least:
-            nearest, least = int(desk.seen[enemy, CELL]), far
+            nearest, least = at, far
     return nearest
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from arena.game.state import Rule, StateField, Tables
 from arena.jit import jit
 from policies.search.ways import NO_WAY, Ways
-from policies.search.worlds import Worlds, units_of
+from policies.search.worlds import Worlds, as_index, units_of
 
 WEIGHTS = np.array([1.27, 1.76, 1.21, 1.06, 0.81])
 """Of each of `write_features`."""
@@ -35,15 +35,15 @@ def write_features(world: int, me: int, worlds: Worlds, ways: Ways, tables: Tabl
         sign = 1.0 if team == me else -1.0
         first, flyers, _ = units_of(team, tables)
         foe, foes_flyers, _ = units_of(1 - team, tables)
-        prize = int(state.field[world, StateField.RED_FLAG - team])
+        prize = as_index(state.field[world, StateField.RED_FLAG - team])
         runner, guard = int(NO_WAY), int(NO_WAY)
         for unit in range(first, flyers):
             if state.alive[world, unit]:
                 out[0] += sign
-                runner = min(runner, int(ways.far[prize, state.cell[world, unit]]))
+                runner = min(runner, int(ways.far[prize, as_index(state.cell[world, unit])]))
         for unit in range(foe, foes_flyers):
             if state.alive[world, unit]:
-                guard = min(guard, int(ways.far[prize, state.cell[world, unit]]))
+                guard = min(guard, int(ways.far[prize, as_index(state.cell[world, unit])]))
         if runner + _IS_SURE < guard and runner <= limit - tick:
             out[2] += sign
         out[3] -= sign * max(0.0, 1.0 - guard / side)

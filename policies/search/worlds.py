@@ -44,12 +44,21 @@ def make_worlds(ruleset: Ruleset, n: int, shared: State | None = None) -> Worlds
 
 
 @jit(inline=True)
+def as_index(number: int) -> int:
+    """Return a number below 65536 in such a way that the compiler knows that it is not negative.
+
+    Every index that may be negative costs a test and a choice, which took a third of a playout.
+    """
+    return np.int64(np.uint16(number))  # type: ignore[return-value]  # what numba calls an int
+
+
+@jit(inline=True)
 def units_of(team: int, tables: Tables) -> tuple[int, int, int]:
     """Return a team's first unit, the first that flies, and the first after them."""
-    blue = int(tables.rule[Rule.BLUE_UNITS])
+    blue = as_index(tables.rule[Rule.BLUE_UNITS])
     if team:
-        return blue, blue + int(tables.rule[Rule.RED_WALKERS]), blue + int(tables.rule[Rule.RED_UNITS])
-    return 0, int(tables.rule[Rule.BLUE_WALKERS]), blue
+        return blue, blue + as_index(tables.rule[Rule.RED_WALKERS]), blue + as_index(tables.rule[Rule.RED_UNITS])
+    return 0, as_index(tables.rule[Rule.BLUE_WALKERS]), blue
 
 
 @jit(inline=True)
