@@ -10,7 +10,7 @@ from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from policies.belief.memory import sight_of
 from policies.heuristics.role_team import RoleTeam
-from policies.search.climb import BEST, BLUEPRINT, LAST, N_PLANS, Effort, climb, is_better_than_blueprint
+from policies.search.climb import BEST, BLUEPRINT, LAST, N_PLANS, Effort, check, climb, is_sure
 from policies.search.desk import set_posts
 from policies.search.explain import Thought
 from policies.search.models import ATTACK, GUARD, HOLD, HUNT, SCOUT, WATCH
@@ -26,7 +26,7 @@ _SCRIPTED = {
     scripted.NORTH: HOLD, scripted.SOUTH: HOLD,
 }  # fmt: skip
 """What the blueprint's roles are in playouts, as far as they have one."""
-_FOLLOW, _CHANCE, _CLIMB = (np.uint64(1 << bit) for bit in (61, 62, 63))
+_FOLLOW, _CHANCE, _CHECK, _CLIMB = (np.uint64(1 << bit) for bit in (60, 61, 62, 63))
 """Apart the words that are drawn for each."""
 
 
@@ -103,7 +103,7 @@ class Mind:
         if is_first:
             copy_plan(BLUEPRINT, plans, LAST, plans)
         self._climb(effort, pool, seed)
-        if is_better_than_blueprint(BEST, me, plans, bench, effort, seed ^ _CHANCE):
+        if is_sure(BEST, plans, effort):
             self.taken = BEST
         write_first_orders(me, self.taken, plans, bench, seed ^ _CHANCE, self._orders[0])  # the blueprint's stay as they are
         copy_plan(BEST, plans, LAST, plans)
@@ -121,20 +121,19 @@ class Mind:
 
     def _climb(self, effort: Effort, pool: ThreadPoolExecutor | None, seed: np.uint64) -> None:
         """Leave the best plan of all lines of thought in the first."""
-        me, chance, n_lines = int(self._team), seed ^ _CHANCE, len(self.benches)
+        me, n_lines = int(self._team), len(self.benches)
         share = effort._replace(budget=effort.budget // n_lines)
         for plans in self.plans[1:]:
             for plan in (BLUEPRINT, LAST):
                 copy_plan(plan, self.plans[0], plan, plans)
 
         def think(line: int) -> None:
-            salt = seed ^ _CLIMB ^ np.uint64(line)
-            climb(me, self.plans[line], self.benches[line], share, chance, salt)
-            is_better_than_blueprint(BEST, me, self.plans[line], self.benches[line], share, chance)
+            plans, bench = self.plans[line], self.benches[line]
+            climb(me, plans, bench, share, seed ^ _CHANCE, seed ^ _CLIMB ^ np.uint64(line))
+            check(BEST, me, plans, bench, effort, seed ^ _CHECK)
+            if line == 0:
+                check(BLUEPRINT, me, plans, bench, effort, seed ^ _CHECK)
 
-        if n_lines == 1:
-            think(0)
-            return
         list((pool.map if pool else map)(think, range(n_lines)))
         most = min(effort.most, self.plans[0].value.shape[1])
         best = max(range(n_lines), key=lambda line: mean_of(BEST, most, self.plans[line]))
