@@ -128,16 +128,9 @@ class Worker:
         self._listener.start()
 
     def start(
-        self,
-        seat: int,
-        rules: dict[str, Any],
-        team: int,
-        match: str,
-        *,
-        turn_time_s: float | None,
-        keeps_annotations: bool,
+        self, seat: int, rules: dict[str, Any], team: int, match: str, *, turn_time_s: float | None, keeps_annotations: bool,
         explains: bool,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Begin a match under a number that is new."""
         self._answers[seat] = deque()
         self._send(["start", seat, rules, team, match, turn_time_s, keeps_annotations, explains], n_answers=1)
