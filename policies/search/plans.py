@@ -37,7 +37,7 @@ def make_plans(n: int, n_units: int, n_worlds: int) -> Plans:
     )
 
 
-@jit(inline=True)
+@jit()
 def copy_plan(one: int, source: Plans, other: int, target: Plans) -> None:
     """Make one plan like another, untried."""
     for unit in range(target.role.shape[1]):
@@ -54,7 +54,7 @@ def keep_values(one: int, other: int, plans: Plans) -> None:
         plans.value[other, k] = plans.value[one, k]
 
 
-@jit(inline=True)
+@jit()
 def mean_of(plan: int, n: int, plans: Plans) -> float:
     """Return what a plan came to on average in the first n worlds."""
     total = 0.0
@@ -63,7 +63,7 @@ def mean_of(plan: int, n: int, plans: Plans) -> float:
     return total / n
 
 
-@jit(inline=True)
+@jit()
 def lead_of(one: int, other: int, n: int, plans: Plans) -> tuple[float, float]:
     """Return by how much a plan is better than another in the same n worlds, and the standard error of that."""
     total, squares = 0.0, 0.0

@@ -106,15 +106,19 @@ def test_a_playout_to_the_end_is_worth_what_the_match_comes_to(team: Team) -> No
     games = games_on_one_board(ruleset, 60, seed=1)
     bench, plans = bench_of(games), plans_of(ruleset, team)
 
-    worth = {}
+    worth: dict[int, list[tuple[int, float]]] = {}
     for world in range(games.n_games):
         came_to = play_out(world, int(team), 0, plans, bench, np.uint64(5), 60, 60)
         winner = int(bench.then.state.field[world, StateField.WINNER])
         assert bench.then.state.field[world, StateField.ENDING]
-        worth.setdefault(winner, set()).add(came_to)
+        worth.setdefault(winner, []).append((int(bench.then.state.field[world, StateField.TICK]), came_to))
 
-    assert worth.items() <= {int(team): {1.0}, int(team.other): {0.0}, -1: {0.5}}.items()
-    assert len(worth) > 1
+    wins, losses = sorted(worth[int(team)]), sorted(worth[int(team.other)])
+    assert all(value > 0.9 for _, value in wins)
+    assert all(value < 0.1 for _, value in losses)
+    assert [value for _, value in wins] == sorted((value for _, value in wins), reverse=True), "the sooner the better"
+    assert [value for _, value in losses] == sorted(value for _, value in losses), "the later the better"
+    assert {value for _, value in worth.get(-1, [])} <= {0.5}
 
 
 def test_a_playout_does_not_change_the_world_that_it_begins_in() -> None:
