@@ -147,7 +147,7 @@ def is_sure(plan: int, plans: Plans, effort: Effort) -> bool:
 def try_plan(plan: int, n: int, me: int, plans: Plans, bench: Bench, effort: Effort, seed: np.uint64) -> int:
     """Try a plan in the first n worlds, those apart in which it was; return how many playouts that took."""
     before, n_worlds = int(plans.n_tried[plan]), bench.now.role.shape[0]
-    row = np.int64(plan)  # a constant row, as `BEST` is, would have playouts compiled anew for it
+    row = int(np.int64(plan))  # a constant row, as `BEST` is, would have playouts compiled anew for it
     for k in range(before, n):
         plans.value[plan, k] = play_out(k * _STRIDE % n_worlds, me, row, plans, bench, seed, effort.horizon, effort.hold)
     plans.n_tried[plan] = max(n, before)
