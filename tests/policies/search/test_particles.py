@@ -105,10 +105,11 @@ def shares_after(enemy: str, n_ticks: int, n_matches: int) -> np.ndarray:
     return np.mean(shares, axis=0)
 
 
-@pytest.mark.parametrize("enemy", ["random", "rush"])
-def test_the_filter_finds_the_model_of_the_enemy(enemy: str, size: Callable[[int, int], int]) -> None:
-    prior, mine = shares_after(enemy, 1, 4), NAMES.index(enemy)
+@pytest.mark.parametrize("alike", [("random",), ("role_team",), ("rush", "roomba", "fighter")])
+def test_the_filter_finds_the_model_of_the_enemy(alike: tuple[str, ...], size: Callable[[int, int], int]) -> None:
+    """Those that run for a flag once they know it are alike."""
+    mine = [NAMES.index(name) for name in alike]
 
-    shares = shares_after(enemy, 30, size(8, 50))
+    shares = shares_after(alike[0], 30, size(8, 50))
 
-    assert shares[mine] > prior[mine]
+    assert shares[mine].sum() > 1.5 * len(mine) / len(NAMES)
