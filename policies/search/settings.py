@@ -9,7 +9,7 @@ _WORDS = {"true": True, "false": False}
 
 
 def read_settings(name: str, text: str, defaults: Mapping[str, Setting]) -> dict[str, Setting]:
-    """Return the settings that a text spells, each of the type of its default; none below 0.
+    """Return the settings that a text spells, each of the type of its default.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def _read(name: str, key: str, value: str, default: Setting) -> Setting:
         read = _WORDS[value] if kind is bool else kind(value)
     except (KeyError, ValueError):
         read = -1
-    if not 0 <= read < 1 << 31:
-        wanted = {bool: "true or false", int: "a whole number from 0 on", float: "a number from 0 on"}[kind]
-        raise PolicyError(f"{name}: {key} is {value!r}; it must be {wanted}, as in {key}={default}")
+    if not (kind is int) <= read < 1 << 31:
+        wanted = {bool: "true or false", int: "a whole number from 1 on", float: "a number from 0 on"}[kind]
+        raise PolicyError(f"{name}: {key} is {value!r}; it must be {wanted}, as in {key}={str(default).lower()}")
     return read
