@@ -144,9 +144,11 @@ def mark(spec: str) -> str:
 def plan(name: str) -> str:
     """Return what a fighter is up to, in a line; nothing is imported for it."""
     if name in OWN or name in REFERENCES:
-        package, _, module = (OWN | REFERENCES)[name].partition(":")[0].rpartition(".")
-        source = (files(package) / f"{module}.py").read_text(encoding="utf-8")
-        return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0]
+        module, _, fighter = (OWN | REFERENCES)[name].partition(":")
+        package, _, file = module.rpartition(".")
+        tree = ast.parse((files(package) / f"{file}.py").read_text(encoding="utf-8"))
+        of_class = [node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == fighter and name in PLANNERS]
+        return (ast.get_docstring(of_class[0] if of_class else tree) or "").partition("\n")[0]
     if name in shipped():
         return "a trained network"
     if name in _installed():

@@ -34,7 +34,7 @@ _BLUEPRINT = "role_team"
 
 
 class Planner(BatchPolicy):
-    """Thinks about 25 ms a tick."""
+    """Looks ahead as `planner-fast` does, for about 25 ms a tick."""
 
     name: ClassVar[str] = "planner"
     budget: ClassVar[int] = 800
@@ -99,7 +99,7 @@ class Planner(BatchPolicy):
 
 
 class PlannerFast(Planner):
-    """Thinks about 5 ms a tick."""
+    """Looks ahead: it plays on what its units could do, in worlds that may be, for about 5 ms a tick."""
 
     name = "planner-fast"
     budget = 160
@@ -107,7 +107,7 @@ class PlannerFast(Planner):
 
 
 class PlannerDeep(Planner):
-    """Thinks about 200 ms a tick on one core, less on several."""
+    """Looks ahead as `planner-fast` does, for about 200 ms a tick on one core, less on several."""
 
     name = "planner-deep"
     budget = 6000
