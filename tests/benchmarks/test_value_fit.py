@@ -21,5 +21,4 @@ def test_states_of_matches_come_with_what_the_match_came_to() -> None:
     assert features.shape == (len(points), N_FEATURES)
     assert set(matches) == {0, 1, 2, 3}
     assert set(points) <= {0.0, 0.5, 1.0}
-    assert features[:, 4].min() == 0.0, "who stays at home is never near to the other's flag"
-    assert features[:, 4].max() > 0.0
+    assert features[:, 4].mean() > 0.0, "who attacks is nearer to the flag than who stays at home"
