@@ -102,7 +102,7 @@ def make_desk(ruleset: Ruleset) -> Desk:
     return Desk(
         ahead=zeros(2), lane=zeros(2, MAX_UNITS), search=zeros(2, MAX_UNITS, N_SEARCHES),
         place=cells + cells // side * side, gone=np.array([4, -4], np.int64) * side * side, near=near.reshape(-1),
-        own=tables.unit[:, Trait.TYPE] * near[0].size + 8 * side * side, strength=tables.unit[:, Trait.STRENGTH].copy(),
+        own=tables.unit[:, Trait.TYPE] * near[:1].size + 8 * side * side, strength=tables.unit[:, Trait.STRENGTH].copy(),
         at=zeros(len(units)), eye=zeros(len(units)), then=zeros(len(units)), aim=np.zeros(len(units), np.uint16),
         taken=np.zeros(side * side + 1, np.int8), target=np.zeros(len(units), np.uint16), life=np.zeros(len(units)),
         seeks=zeros(len(units)), wanders=zeros(len(units)), seen=np.zeros(MAX_UNITS, np.uint16),
