@@ -11,9 +11,9 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import FLAGS, HALVES, Code, Team
 
-SHARE = 0.5
-"""Of a turn's time that thinking may take. The rest is for the way to the pit and back, for what else this machine does, the
-enemy's client perhaps, and for positions that are dearer than the one that was measured.
+SHARE = 0.25
+"""Of a turn's time that thinking may take where a match begins. Where enemies are near, it takes up to three times as long, and
+the way to the pit and back, the enemy's client and whatever else this machine does need some, too.
 """
 _MAJORITY = 3
 """Tries that decide whether there is room: if one did, a moment in which the machine was busy would weaken a fighter for good."""
