@@ -94,6 +94,8 @@ MODELS = {
 """By the fighters that they are taken from: the columns of `Column`."""
 NAMES = tuple(MODELS)
 ROWS = np.array(list(MODELS.values()), np.int64)
+ASSIGN_EVERY = 4
+"""Ticks between two looks at who takes which role, in playouts and in worlds that go on."""
 _NEAR_PRIZE = 6
 """How near to the enemy's flag nobody is called home."""
 

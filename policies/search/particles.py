@@ -18,14 +18,12 @@ from policies.belief.belief import Belief
 from policies.belief.bitrows import has
 from policies.belief.memory import Sight
 from policies.chance import choose, mix
-from policies.search.models import assign_roles
+from policies.search.models import ASSIGN_EVERY, assign_roles
 from policies.search.playout import Bench
 from policies.search.roles import order_team_anew
 from policies.search.worlds import copy_world, units_of
 
 _OBSTACLE = int(Code.OBSTACLE)
-_ASSIGNS = 4
-"""Ticks between two looks at who takes which role."""
 _MISPLACED, _MOST_STEPS = 0.35, 3
 """By how much a world is less likely for each step by which it misplaced an enemy in sight, and how many count."""
 _UNSEEN = 0.5
@@ -116,7 +114,7 @@ def follow(
     for world in range(now.role.shape[0]):
         salt = mix(seed ^ mix(np.uint64(world)))
         if not is_first:
-            if tick % _ASSIGNS == 1:
+            if tick % ASSIGN_EVERY == 1:
                 assign_roles(world, 1 - me, now, bench.ways, tables, bench.rows)
             order_team_anew(world, 1 - me, now, bench.ways, tables, bench.rows, bench.desk, salt, bench.orders)
             for unit in range(own, own_last):

@@ -15,15 +15,13 @@ from arena.game.types import Termination
 from arena.jit import jit
 from policies.chance import mix
 from policies.search.desk import Desk, make_desk, place_units
-from policies.search.models import ROWS, assign_roles
+from policies.search.models import ASSIGN_EVERY, ROWS, assign_roles
 from policies.search.plans import FROM_ROLE, Plans
 from policies.search.roles import order_team, order_team_anew
 from policies.search.value import N_FEATURES, WEIGHTS, value_of
 from policies.search.ways import Ways, make_ways
 from policies.search.worlds import Worlds, as_index, copy_world, make_worlds, units_of
 
-_ASSIGNS = 4
-"""Ticks between two looks at who takes which role."""
 _HASTE = 0.001
 """What a tick more costs of a win, and is worth of a loss: else nobody would hurry to what is sure."""
 _PLAYED_OUT = 10
@@ -113,7 +111,7 @@ def play_out(world: int, me: int, plan: int, plans: Plans, bench: Bench, seed: n
         place_units(world, worlds, tables, bench.desk)
         for team in range(2):
             since = tick - hold if team == me else tick
-            assigns = since >= 0 and since % _ASSIGNS == 0
+            assigns = since >= 0 and since % ASSIGN_EVERY == 0
             if assigns:
                 assign_roles(world, team, worlds, bench.ways, tables, rows)
             order_team(world, team, assigns or tick == 0, worlds, bench.ways, tables, rows, bench.desk, chance, bench.orders)
