@@ -22,7 +22,8 @@ DEFAULT_SHAPE = (20, 6, 4, 6, 4)
 
 
 @jit(inline=True)
-def _shape(tables: Tables) -> Shape:
+def shape_of(tables: Tables) -> Shape:
+    """Return the sizes of a ruleset's boards and teams."""
     rule = tables.rule
     return (
         rule[Rule.SIDE], rule[Rule.BLUE_UNITS], rule[Rule.BLUE_WALKERS], rule[Rule.RED_UNITS], rule[Rule.RED_WALKERS],
@@ -30,7 +31,8 @@ def _shape(tables: Tables) -> Shape:
 
 
 @jit(inline=True)
-def _step_one(game: int, shape: Shape, state: State, orders: NDArray[np.int8], tables: Tables, work: NDArray[np.int64]) -> None:
+def step_one(game: int, shape: Shape, state: State, orders: NDArray[np.int8], tables: Tables, work: NDArray[np.int64]) -> None:
+    """Play one tick of a game, unless it is over."""
     if state.field[game, StateField.ENDING] == Termination.RUNNING:
         move(game, shape, state, orders, tables, work)
         fight(game, shape, state, tables, work)
@@ -50,13 +52,13 @@ def step(state: State, orders: NDArray[np.int8], tables: Tables, work: NDArray[n
     special
         Take the path for the default board where it fits. The result is the same.
     """
-    shape = _shape(tables)
+    shape = shape_of(tables)
     if special and shape == DEFAULT_SHAPE:
         for game in range(len(state.cell)):
-            _step_one(game, DEFAULT_SHAPE, state, orders, tables, work)
+            step_one(game, DEFAULT_SHAPE, state, orders, tables, work)
     else:
         for game in range(len(state.cell)):
-            _step_one(game, shape, state, orders, tables, work)
+            step_one(game, shape, state, orders, tables, work)
 
 
 @jit()
@@ -74,7 +76,7 @@ def observe(
     with_units
         Write the paper's Table 2 boards instead of what lies under the units.
     """
-    shape = _shape(tables)
+    shape = shape_of(tables)
     if special and shape == DEFAULT_SHAPE:
         for game in range(len(state.cell)):
             see(game, DEFAULT_SHAPE, state, tables, boards, rows[0], with_units)

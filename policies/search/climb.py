@@ -13,8 +13,8 @@ from arena.game.state import Rule, StateField
 from arena.game.types import Action
 from arena.jit import jit
 from policies.chance import choose, mix
-from policies.search.models import ATTACK, CHASE, FOLLOW, GO, GUARD, HOLD, HUNT, RUSH, SCOUT, WATCH
-from policies.search.plans import FROM_ROLE, Plans, copy_plan, keep_values, lead_of, mean_of
+from policies.search.models import ATTACK, CHASE, FOLLOW, GO, GUARD, HOLD, HUNT, RUSH, SCOUT, WATCH, flyers_role
+from policies.search.plans import FROM_ROLE, Plans, copy_plan, copy_tried_plan, lead_of, mean_of
 from policies.search.playout import Bench, play_out
 from policies.search.ways import NO_WAY
 from policies.search.worlds import units_of
@@ -84,10 +84,15 @@ class Effort(NamedTuple):
         few = min(max(budget // 40, 2), 12)
         return cls(budget=budget, few=few, more=3 * few, most=min(max(budget // 5, 8 * few), 16 * few))
 
+    def within(self, n_worlds: int) -> "Effort":
+        """Return the same for no more worlds than there are."""
+        few, more, most = (min(n, n_worlds) for n in (self.few, self.more, self.most))
+        return self._replace(few=few, more=more, most=most)
+
 
 @jit()
-def climb(me: int, plans: Plans, bench: Bench, effort: Effort, seed: np.uint64, salt: np.uint64) -> int:
-    """Make plan `BEST` as good as some playouts allow, from `BLUEPRINT`, `LAST` and the presets; return how many it took.
+def climb(me: int, plans: Plans, bench: Bench, effort: Effort, seed: np.uint64, salt: np.uint64) -> None:
+    """Make plan `BEST` as good as the budget allows, from `BLUEPRINT`, `LAST` and the presets.
 
     Parameters
     ----------
@@ -96,8 +101,7 @@ def climb(me: int, plans: Plans, bench: Bench, effort: Effort, seed: np.uint64, 
     salt
         Of the order in which units are climbed, and of the goals that are drawn.
     """
-    n_worlds = bench.now.role.shape[0]
-    few, more, most = min(effort.few, n_worlds), min(effort.more, n_worlds), min(effort.most, n_worlds)
+    few, more, most = effort.few, effort.more, effort.most
     spent = 0
     for team in range(_TEAM_ROLES.shape[0]):
         _write_preset(me, team, plans, bench)
@@ -115,8 +119,7 @@ def climb(me: int, plans: Plans, bench: Bench, effort: Effort, seed: np.uint64, 
         spent += try_plan(plan, more, me, plans, bench, effort, seed)
         if mean_of(plan, more, plans) > top:
             best, top = plan, mean_of(plan, more, plans)
-    copy_plan(best, plans, BEST, plans)
-    keep_values(best, BEST, plans)
+    copy_tried_plan(best, plans, BEST, plans)
     n_units = plans.role.shape[1]
     first, offset, turn = units_of(me, bench.tables)[0], choose(salt, max(n_units, 1)), 0
     reserve = 2 * most
@@ -127,14 +130,13 @@ def climb(me: int, plans: Plans, bench: Bench, effort: Effort, seed: np.uint64, 
             spent += _climb_unit(
                 unit, me, effort.budget - reserve - spent, plans, bench, effort, seed, mix(salt + np.uint64(turn))
             )
-    return spent
 
 
 @jit()
 def check(plan: int, me: int, plans: Plans, bench: Bench, effort: Effort, seed: np.uint64) -> None:
     """Try a plan anew in the most worlds, by a chance for which it was not chosen: the best of many owes some lead to luck."""
     plans.n_tried[plan] = 0
-    try_plan(plan, min(effort.most, bench.now.role.shape[0]), me, plans, bench, effort, seed)
+    try_plan(plan, effort.most, me, plans, bench, effort, seed)
 
 
 def is_sure(plan: int, plans: Plans, effort: Effort) -> bool:
@@ -159,8 +161,7 @@ def _climb_unit(
     unit: int, me: int, left: int, plans: Plans, bench: Bench, effort: Effort, seed: np.uint64, salt: np.uint64
 ) -> int:
     """Try what else a unit of the best plan could do, and keep what is better; return how many playouts it took, about `left`."""
-    n_worlds = bench.now.role.shape[0]
-    few, more, most = min(effort.few, n_worlds), min(effort.more, n_worlds), min(effort.most, n_worlds)
+    few, more, most = effort.few, effort.more, effort.most
     n_plans = _write_trials(unit, me, plans, bench, effort, salt)
     spent = try_plan(BEST, few, me, plans, bench, effort, seed)
     for plan in range(TRIALS, n_plans):
@@ -186,8 +187,7 @@ def _climb_unit(
         spent += try_plan(BEST, most, me, plans, bench, effort, seed)
         lead, error = lead_of(winner, BEST, most, plans)
         if lead > effort.is_better * error:
-            copy_plan(winner, plans, BEST, plans)
-            keep_values(winner, BEST, plans)
+            copy_tried_plan(winner, plans, BEST, plans)
     return spent
 
 
@@ -230,7 +230,7 @@ def _write_preset(me: int, team: int, plans: Plans, bench: Bench) -> None:
     home = int(state.field[0, StateField.BLUE_FLAG + me])
     for unit in range(last - first):
         plans.first[plan, unit], plans.goal[plan, unit] = FROM_ROLE, -1
-        plans.role[plan, unit] = SCOUT if (unit - flyers + first) % 2 == 0 else WATCH
+        plans.role[plan, unit] = flyers_role(unit - flyers + first)
     placed = 0
     for rank in range(flyers - first):
         chosen, least = 0, 1 << 30

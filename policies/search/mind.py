@@ -13,9 +13,9 @@ from policies.heuristics.role_team import RoleTeam
 from policies.search.climb import BEST, BLUEPRINT, LAST, N_PLANS, Effort, check, climb, is_sure
 from policies.search.desk import set_posts
 from policies.search.explain import Thought
-from policies.search.models import ATTACK, GUARD, HOLD, HUNT, SCOUT, WATCH
+from policies.search.models import ATTACK, GUARD, HOLD, HUNT, role_of_flyer
 from policies.search.particles import begin, follow, lay_ground, make_weights
-from policies.search.plans import FROM_ROLE, copy_plan, make_plans, mean_of
+from policies.search.plans import FROM_ROLE, copy_plan, copy_tried_plan, make_plans, mean_of
 from policies.search.playout import make_bench, write_first_orders
 from policies.search.tell import thought_of
 from policies.search.ways import find_ways
@@ -90,15 +90,16 @@ class Mind:
     ) -> None:
         sight, belief, me, bench = sight_of(observations), self.blueprint.belief, int(self._team), self.benches[0]
         seed, plans, is_first = observations.seed[0], self.plans[0], self._walkable is None
+        is_drawn, effort = is_first or not effort.filters, effort.within(plans.value.shape[1])
         if self._walkable is None or (belief.walkable[0] != self._walkable).any():
             self._walkable = belief.walkable[0].copy()
             find_ways(belief, self._ruleset.side, bench.tables, bench.ways)
             lay_ground(me, belief, bench)
-        if is_first or not effort.filters:
+        if is_drawn:
             for line in self.benches:
                 set_posts(line.desk, self._ruleset, self._team, int(belief.forward[0]))
             begin(me, belief, bench, seed ^ _FOLLOW)
-        follow(me, sight, belief, last_orders, is_first or not effort.filters, bench, self._weights, seed ^ _FOLLOW)
+        follow(me, sight, belief, last_orders, is_drawn, bench, self._weights, seed ^ _FOLLOW)
         self._write_blueprint()
         if is_first:
             copy_plan(BLUEPRINT, plans, LAST, plans)
@@ -116,7 +117,7 @@ class Mind:
         for unit, flies in enumerate(self._flies):
             plans.role[BLUEPRINT, unit] = _SCRIPTED.get(int(self.blueprint.plan.role[unit]), ATTACK)
             if flies:
-                plans.role[BLUEPRINT, unit] = SCOUT if n_flyers % 2 == 0 else WATCH
+                plans.role[BLUEPRINT, unit] = role_of_flyer(n_flyers)
                 n_flyers += 1
 
     def _climb(self, effort: Effort, pool: ThreadPoolExecutor | None, seed: np.uint64) -> None:
@@ -135,8 +136,6 @@ class Mind:
                 check(BLUEPRINT, me, plans, bench, effort, seed ^ _CHECK)
 
         list((pool.map if pool else map)(think, range(n_lines)))
-        most = min(effort.most, self.plans[0].value.shape[1])
-        best = max(range(n_lines), key=lambda line: mean_of(BEST, most, self.plans[line]))
+        best = max(range(n_lines), key=lambda line: mean_of(BEST, effort.most, self.plans[line]))
         if best:
-            copy_plan(BEST, self.plans[best], BEST, self.plans[0])
-            self.plans[0].value[BEST], self.plans[0].n_tried[BEST] = self.plans[best].value[BEST], self.plans[best].n_tried[BEST]
+            copy_tried_plan(BEST, self.plans[best], BEST, self.plans[0])

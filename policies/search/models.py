@@ -100,15 +100,22 @@ _NEAR_PRIZE = 6
 """How near to the enemy's flag nobody is called home."""
 
 
+def role_of_flyer(number: int) -> int:
+    """Return the role of a team's first unit that flies, of its second, and so on, where nothing else is said."""
+    return WATCH if number % 2 else SCOUT
+
+
+flyers_role = jit(inline=True)(role_of_flyer)
+"""The same for kernels."""
+
+
 @jit(inline=True)
 def assign_roles(world: int, team: int, worlds: Worlds, ways: Ways, tables: Tables, rows: NDArray[np.int64]) -> None:
     """Give every unit of a team the role that its model says, those first that are nearest to their flag."""
     state, model = worlds.state, rows[worlds.model[world, team]]
     first, flyers, last = units_of(team, tables)
     for unit in range(flyers, last):
-        worlds.role[world, unit] = SCOUT if (unit - flyers) % 2 == 0 else WATCH
-        if model[Column.REST] == ROAM:
-            worlds.role[world, unit] = ROAM
+        worlds.role[world, unit] = ROAM if model[Column.REST] == ROAM else flyers_role(unit - flyers)
     n_living = 0
     for unit in range(first, flyers):
         worlds.role[world, unit] = -1

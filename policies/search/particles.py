@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.kernel import shape_of
 from arena.game.move import move
 from arena.game.state import Rule, StateField, Tables, Trait
 from arena.game.types import Code, Termination
@@ -107,10 +108,7 @@ def follow(
     now, tables, state = bench.now, bench.tables, bench.now.state
     tick, score = int(sight.tick[0]), int(sight.score[0])
     own, _, own_last = units_of(me, tables)
-    shape = (
-        tables.rule[Rule.SIDE], tables.rule[Rule.BLUE_UNITS], tables.rule[Rule.BLUE_WALKERS], tables.rule[Rule.RED_UNITS],
-        tables.rule[Rule.RED_WALKERS],
-    )  # fmt: skip
+    shape = shape_of(tables)
     for world in range(now.role.shape[0]):
         salt = mix(seed ^ mix(np.uint64(world)))
         if not is_first:

@@ -46,12 +46,13 @@ def copy_plan(one: int, source: Plans, other: int, target: Plans) -> None:
     target.n_tried[other] = 0
 
 
-@jit(inline=True)
-def keep_values(one: int, other: int, plans: Plans) -> None:
-    """Give a plan the values of another that is alike."""
-    plans.n_tried[other] = plans.n_tried[one]
-    for k in range(plans.n_tried[one]):
-        plans.value[other, k] = plans.value[one, k]
+@jit()
+def copy_tried_plan(one: int, source: Plans, other: int, target: Plans) -> None:
+    """Make one plan like another, with what it came to."""
+    copy_plan(one, source, other, target)
+    target.n_tried[other] = source.n_tried[one]
+    for k in range(source.n_tried[one]):
+        target.value[other, k] = source.value[one, k]
 
 
 @jit()

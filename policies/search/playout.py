@@ -6,11 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.game.engine import WORK_SHAPE, tables_of
-from arena.game.fight import fight, judge
-from arena.game.kernel import DEFAULT_SHAPE
-from arena.game.move import move
+from arena.game.kernel import DEFAULT_SHAPE, shape_of, step_one
 from arena.game.ruleset import Ruleset
-from arena.game.state import Rule, Shape, State, StateField, Tables
+from arena.game.state import Rule, Shape, StateField, Tables
 from arena.game.types import Termination
 from arena.jit import jit
 from policies.chance import mix
@@ -67,20 +65,20 @@ def make_bench(ruleset: Ruleset, n_worlds: int, shared: "Bench | None" = None) -
     )
 
 
-@jit(inline=True)
-def _step_inline(
-    world: int, shape: Shape, state: State, orders: NDArray[np.int8], tables: Tables, work: NDArray[np.int64]
-) -> None:
-    """Play a tick of one world by the rules."""
-    move(world, shape, state, orders, tables, work)
-    fight(world, shape, state, tables, work)
-    judge(world, shape, state, tables)
-
-
 @jit()
-def _step(world: int, shape: Shape, state: State, orders: NDArray[np.int8], tables: Tables, work: NDArray[np.int64]) -> None:
-    """`_step_inline`, apart: for all boards but the default, whose sizes the compiler knows where it is inlined."""
-    _step_inline(world, shape, state, orders, tables, work)
+def _step_apart(world: int, shape: Shape, bench: Bench) -> None:
+    """`step_one`, not inlined: for all boards but the default, whose sizes the compiler knows."""
+    step_one(world, shape, bench.then.state, bench.orders, bench.tables, bench.work)
+
+
+@jit(inline=True)
+def _begin(world: int, me: int, plan: int, plans: Plans, bench: Bench) -> None:
+    """Make a world of then what it is now, with the roles of a plan."""
+    copy_world(world, bench.now, world, bench.then)
+    first, _, last = units_of(me, bench.tables)
+    for unit in range(first, last):
+        bench.then.role[world, unit] = plans.role[plan, unit - first]
+        bench.then.goal[world, unit] = plans.goal[plan, unit - first]
 
 
 @jit()
@@ -96,16 +94,11 @@ def play_out(world: int, me: int, plan: int, plans: Plans, bench: Bench, seed: n
     """
     worlds, tables, rows, state = bench.then, bench.tables, bench.rows, bench.then.state
     world = as_index(world)
-    copy_world(world, bench.now, world, worlds)
+    _begin(world, me, plan, plans, bench)
     left = int(tables.rule[Rule.TICK_LIMIT] - state.field[world, StateField.TICK])
     n_ticks = left if left <= horizon + _PLAYED_OUT else horizon
     first, _, last = units_of(me, tables)
-    for unit in range(first, last):
-        worlds.role[world, unit], worlds.goal[world, unit] = plans.role[plan, unit - first], plans.goal[plan, unit - first]
-    shape = (
-        tables.rule[Rule.SIDE], tables.rule[Rule.BLUE_UNITS], tables.rule[Rule.BLUE_WALKERS], tables.rule[Rule.RED_UNITS],
-        tables.rule[Rule.RED_WALKERS],
-    )  # fmt: skip
+    shape = shape_of(tables)
     chance, is_default = seed ^ mix(np.uint64(world)), shape == DEFAULT_SHAPE
     for tick in range(n_ticks):
         place_units(world, worlds, tables, bench.desk)
@@ -120,9 +113,9 @@ def play_out(world: int, me: int, plan: int, plans: Plans, bench: Bench, seed: n
                 if plans.first[plan, unit - first] != FROM_ROLE:
                     bench.orders[world, unit] = plans.first[plan, unit - first]
         if is_default:
-            _step_inline(world, DEFAULT_SHAPE, state, bench.orders, tables, bench.work)
+            step_one(world, DEFAULT_SHAPE, state, bench.orders, tables, bench.work)
         else:
-            _step(world, shape, state, bench.orders, tables, bench.work)
+            _step_apart(world, shape, bench)
         if state.field[world, StateField.ENDING] != Termination.RUNNING:
             winner = int(state.field[world, StateField.WINNER])
             return 0.5 if winner < 0 else 0.5 + (0.5 if winner == me else -0.5) * (1.0 - _HASTE * tick)
@@ -138,13 +131,10 @@ def write_first_orders(me: int, plan: int, plans: Plans, bench: Bench, seed: np.
     out
         int8, shape (own units,).
     """
-    worlds = bench.then
-    copy_world(0, bench.now, 0, worlds)
+    _begin(0, me, plan, plans, bench)
     first, _, last = units_of(me, bench.tables)
-    for unit in range(first, last):
-        worlds.role[0, unit], worlds.goal[0, unit] = plans.role[plan, unit - first], plans.goal[plan, unit - first]
     chance = seed ^ mix(np.uint64(0))
-    order_team_anew(0, me, worlds, bench.ways, bench.tables, bench.rows, bench.desk, chance, bench.orders)
+    order_team_anew(0, me, bench.then, bench.ways, bench.tables, bench.rows, bench.desk, chance, bench.orders)
     for unit in range(first, last):
         order = plans.first[plan, unit - first]
         out[unit - first] = bench.orders[0, unit] if order == FROM_ROLE else order

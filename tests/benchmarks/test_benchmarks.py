@@ -211,4 +211,4 @@ def test_an_option_is_told_to_those_who_take_it(
         bench.bench([], run_all=True, as_json=True, **{option: given})  # type: ignore[arg-type]  # each is a float
         assert json.loads(capsys.readouterr().out) == {"one": {option: told}, "quick": {"ran": True}}
     with pytest.raises(InputError, match=rf"--{option.replace('_', '-')} is for benchmarks .*; quick do not"):
-        bench.bench(["quick"], **{option: 1.0})  # type: ignore[arg-type]
+        bench.bench(["quick"], **{option: 1.0})  # type: ignore[arg-type]  # as above
