@@ -137,5 +137,4 @@ class Mind:
 
         list((pool.map if pool else map)(think, range(n_lines)))
         best = max(range(n_lines), key=lambda line: mean_of(BEST, effort.most, self.plans[line]))
-        if best:
-            copy_tried_plan(BEST, self.plans[best], BEST, self.plans[0])
+        copy_tried_plan(BEST, self.plans[best], BEST, self.plans[0])

@@ -48,11 +48,12 @@ def copy_plan(one: int, source: Plans, other: int, target: Plans) -> None:
 
 @jit()
 def copy_tried_plan(one: int, source: Plans, other: int, target: Plans) -> None:
-    """Make one plan like another, with what it came to."""
+    """Make one plan like another, or itself, with what it came to."""
+    n_tried = source.n_tried[one]
     copy_plan(one, source, other, target)
-    target.n_tried[other] = source.n_tried[one]
-    for k in range(source.n_tried[one]):
+    for k in range(n_tried):
         target.value[other, k] = source.value[one, k]
+    target.n_tried[other] = n_tried
 
 
 @jit()
