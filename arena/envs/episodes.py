@@ -18,6 +18,8 @@ from arena.game.types import Action, Team, Termination
 REWARDS = ("score", "outcome")
 RENDER_MODES = ("human", "ansi", "rgb_array")
 FULL_SCORE = 100.0
+ENDINGS = np.array([ending.name.lower() for ending in Termination], object)
+"""What the info calls each `Termination`."""
 
 
 class SteppedError(InputError):
@@ -82,8 +84,8 @@ class Episodes:
         return 0.0 if self.ending is Termination.RUNNING else float(np.sign(self._score))
 
     def info(self) -> dict[str, Any]:
-        """Return what is to be said beside an observation: how the match ended, once it has."""
-        return {} if self.ending is Termination.RUNNING else {"ending": self.ending.name.lower()}
+        """Return what is to be said beside an observation: how the match ended, `running` until it has."""
+        return {"ending": ENDINGS[self.ending]}
 
     def render(self) -> str | NDArray[np.uint8] | None:
         """Return the true board, as letters or as a picture; None where nobody wants it, or it is shown at every tick."""

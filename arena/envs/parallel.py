@@ -78,7 +78,7 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
         """Begin a match; `options["keys"]`, of `MatchKeys`, names one among all that there are."""
         self._episodes.begin(seed, options)
         self.agents = [*self.possible_agents]
-        return self._observe(self.agents), {agent: {} for agent in self.agents}
+        return self._observe(self.agents), {agent: self._episodes.info() for agent in self.agents}
 
     def step(
         self, actions: Mapping[str, Any]

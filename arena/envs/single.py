@@ -62,7 +62,7 @@ class SingleCapture(gymnasium.Env[ObservationDict, NDArray[Any]]):
         super().reset(seed=seed)
         self._episodes.begin(seed, options)
         self._opponent.start(np.zeros(1, np.intp))
-        return self._episodes.observe(self._team), {}
+        return self._episodes.observe(self._team), self._episodes.info()
 
     def step(self, actions: NDArray[Any]) -> tuple[ObservationDict, float, bool, bool, dict[str, Any]]:
         """Play one tick; `SteppedError` if no match runs, or these are not an action for each unit."""

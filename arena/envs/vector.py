@@ -8,9 +8,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from arena.envs.episodes import FULL_SCORE, SteppedError, check_reward, keys_of, load_rules, read_orders
+from arena.envs.episodes import ENDINGS, FULL_SCORE, SteppedError, check_reward, keys_of, load_rules, read_orders
 from arena.envs.single import read_team
 from arena.envs.spaces import ObservationDict, order_space, team_dict, team_space
+from arena.errors import UnknownNameError
 from arena.game.engine import BatchedGame
 from arena.game.keys import new_secret, secret_from_seed
 from arena.game.ruleset import Ruleset
@@ -22,7 +23,12 @@ from arena.policy import BatchFactory
 class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
     """Capture the flag against a fighter, `num_envs` matches at once; the other parameters are those of `SingleCapture`.
 
-    A match that has ended begins anew at the next step, whose actions are passed over for it (`AutoresetMode.NEXT_STEP`).
+    Parameters
+    ----------
+    autoreset_mode
+        When a match that has ended is followed by the next one, as Gymnasium's `AutoresetMode` or its value. `NEXT_STEP`: at the
+        next step, whose actions are passed over for it. `SAME_STEP`: at once; the last observation and info of the match stand in
+        the info, as `final_obs` and `final_info`. `DISABLED`: when `reset` is called with a `reset_mask`.
     """
 
     metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012  # as the base class declares it
@@ -34,10 +40,13 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
         team: str = "blue",
         ruleset: Ruleset | str = "paper",
         reward: str = "score",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         check_reward(reward)
         self.num_envs, self._team, self._is_outcome = num_envs, read_team(team), reward == "outcome"
         self.ruleset = load_rules(ruleset)
+        self.autoreset_mode = _read_mode(autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self._games = BatchedGame(self.ruleset, num_envs)
         self._opponent = opponent(self.ruleset, self._team.other, num_envs)
         self.single_observation_space = team_space(self.ruleset, self._team)
@@ -51,15 +60,32 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[ObservationDict, dict[str, Any]]:
-        """Begin a match in every row. With one seed, row i plays as `SingleCapture` does under `seed + i`."""
+        """Begin a match in every row, or in those of `options["reset_mask"]`.
+
+        Parameters
+        ----------
+        seed
+            With one seed, row i plays as `SingleCapture` does under `seed + i`; a list has one for each row.
+        options
+            `reset_mask`: bool, shape (num_envs,), at least one of them true. The other rows go on as they are.
+
+        Raises
+        ------
+        SteppedError
+            The mask or the list of seeds does not fit the rows.
+        """
+        mask = self._read_mask(options)
+        if isinstance(seed, list) and len(seed) != self.num_envs:
+            raise SteppedError(f"there must be a seed for each of {self.num_envs} rows, not {len(seed)} of them")
         super().reset(seed=seed if isinstance(seed, int) else None)
         seeds = [seed + row for row in range(self.num_envs)] if isinstance(seed, int) else seed or [None] * self.num_envs
-        for row, one in enumerate(seeds):
+        for row in np.flatnonzero(mask).tolist():
+            one = seeds[row]
             if one is not None:
                 self._secrets[row], self._n_begun[row] = secret_from_seed(one), 0
-        self._begin(np.arange(self.num_envs))
+        self._begin(np.flatnonzero(mask))
         self._has_begun = True
-        return team_dict(self._games, self._team), {}
+        return team_dict(self._games, self._team), self._info(mask)
 
     def step(
         self, actions: NDArray[Any]
@@ -69,16 +95,49 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
             raise SteppedError("no match was begun; call reset() first")
         n_units = self._games.n_units
         own = read_orders(actions, (self.num_envs, n_units[self._team]), self._team.name.lower())
-        anew = np.flatnonzero(self._games.is_over)
+        were_over = self._games.is_over
+        if self.autoreset_mode is AutoresetMode.DISABLED and were_over.any():
+            raise SteppedError(f"the matches of rows {np.flatnonzero(were_over).tolist()} are over; reset them by a reset_mask")
         before = self._score()
         theirs = np.zeros((self.num_envs, n_units[self._team.other]), np.int8)
         self._opponent.act(self._games.observe()[self._team.other], theirs)
         self._games.step(np.concatenate([own, theirs] if self._team is Team.BLUE else [theirs, own], axis=1))
         is_over, after = self._games.is_over, self._score()
         rewards = np.sign(after) * is_over if self._is_outcome else (after - before) / FULL_SCORE
-        rewards[anew], is_over[anew] = 0.0, False
-        self._begin(anew)
-        return team_dict(self._games, self._team), rewards, is_over, np.zeros(self.num_envs, np.bool_), {}
+        rewards[were_over], is_over[were_over] = 0.0, False
+        final: dict[str, Any] = {}
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            final = self._final(is_over)
+            self._begin(np.flatnonzero(is_over))
+        else:
+            self._begin(np.flatnonzero(were_over))
+        infos = final | self._info(np.ones(self.num_envs, np.bool_))
+        return team_dict(self._games, self._team), rewards, is_over, np.zeros(self.num_envs, np.bool_), infos
+
+    def _info(self, rows: NDArray[np.bool_]) -> dict[str, Any]:
+        """Return how the matches of some rows stand, as Gymnasium batches infos."""
+        endings = ENDINGS[self._games.state.field[:, StateField.ENDING]]
+        endings[~rows] = None
+        return {"ending": endings, "_ending": rows.copy()}
+
+    def _final(self, is_over: NDArray[np.bool_]) -> dict[str, Any]:
+        """Return the last observations and infos of matches that have ended, as Gymnasium batches them; nothing where none has."""
+        if not is_over.any():
+            return {}
+        seen, last = team_dict(self._games, self._team), np.full(self.num_envs, None, object)
+        for row in np.flatnonzero(is_over).tolist():
+            last[row] = {name: values[row].copy() for name, values in seen.items()}
+        return {"final_obs": last, "_final_obs": is_over.copy(), "final_info": self._info(is_over), "_final_info": is_over.copy()}
+
+    def _read_mask(self, options: Mapping[str, Any] | None) -> NDArray[np.bool_]:
+        mask = (options or {}).get("reset_mask")
+        if mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
+            raise SteppedError(f"reset_mask must be an array of {self.num_envs} truth values, one of them true, not {mask!r}")
+        if not self._has_begun and not mask.all():
+            raise SteppedError("no match was begun; call reset() without a reset_mask first")
+        return mask
 
     def _score(self) -> NDArray[np.float64]:
         """Return the own scores, shape (num_envs,)."""
@@ -91,3 +150,11 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
         self._games.start(rows, [keys_of(self._secrets[row], int(self._n_begun[row])) for row in rows])
         self._opponent.start(rows)
         self._n_begun[rows] += 1
+
+
+def _read_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    modes = {str(one.value): one for one in AutoresetMode}
+    name = str(mode.value if isinstance(mode, AutoresetMode) else mode)
+    if name not in modes:
+        raise UnknownNameError("autoreset mode", name, list(modes))
+    return modes[name]
