@@ -14,12 +14,18 @@ if TYPE_CHECKING:
     from arena.envs.parallel import parallel_env as parallel_env
     from arena.envs.single import SingleCapture as SingleCapture
     from arena.envs.vector import VectorCapture as VectorCapture
+    from arena.envs.views import as_observation as as_observation
+    from arena.envs.views import as_observations as as_observations
+    from arena.envs.views import as_orders as as_orders
 
 _HOMES = {
     "ParallelCapture": "arena.envs.parallel",
     "parallel_env": "arena.envs.parallel",
     "SingleCapture": "arena.envs.single",
     "VectorCapture": "arena.envs.vector",
+    "as_observation": "arena.envs.views",
+    "as_observations": "arena.envs.views",
+    "as_orders": "arena.envs.views",
 }
 
 

@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.envs.render import draw_letters, paint, show
-from arena.envs.spaces import ObservationDict, team_dict
+from arena.envs.views import ObservationDict, TeamView, load_rules
 from arena.errors import InputError, UnknownNameError
 from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, new_secret, secret_from_seed
-from arena.game.ruleset import Ruleset, load
+from arena.game.ruleset import Ruleset
 from arena.game.state import StateField
 from arena.game.types import Action, Team, Termination
 
+_LAST = int(max(Action))
 REWARDS = ("score", "outcome")
 RENDER_MODES = ("human", "ansi", "rgb_array")
 FULL_SCORE = 100.0
@@ -36,15 +37,19 @@ class Episodes:
     reward
         `score`: the change of the own score, by which a match's rewards sum up to its score / 100. `outcome`: 1 for a match that
         was won, -1 for one that was lost, at its end, else 0.
+    frame
+        As `TeamView` has it: what is observed, and what actions mean.
     """
 
-    def __init__(self, ruleset: Ruleset | str, reward: str, render_mode: str | None) -> None:
+    def __init__(self, ruleset: Ruleset | str, reward: str, render_mode: str | None, frame: str = "board") -> None:
         self.ruleset = load_rules(ruleset)
         check_reward(reward)
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise UnknownNameError("render mode", render_mode, RENDER_MODES)
         self._reward, self._render_mode = reward, render_mode
+        self.views = {team: TeamView(self.ruleset, team, frame) for team in Team}
         self.game = BatchedGame(self.ruleset, 1)
+        self.seen = self.game.observe()
         self._secret, self._n_begun = new_secret(), 0
         self._score = 0
 
@@ -57,6 +62,7 @@ class Episodes:
             keys = keys_of(self._secret, self._n_begun)
             self._n_begun += 1
         self.game.start([0], [keys])
+        self.game.observe()
         self._score = 0
         self._show()
 
@@ -72,11 +78,11 @@ class Episodes:
 
     def observe(self, team: Team) -> ObservationDict:
         """Return what a team knows."""
-        return {name: values[0] for name, values in team_dict(self.game, team).items()}
+        return {name: values[0] for name, values in self.views[team].read(self.seen[team]).items()}
 
     def step(self, orders: Mapping[Team, NDArray[np.int8]]) -> float:
-        """Play a tick, and return blue's reward; red's is its negative."""
-        self.game.step(np.concatenate([orders[team] for team in Team])[None, :])
+        """Play a tick by orders as the game takes them, and return blue's reward; red's is its negative."""
+        self.game.play(np.concatenate((orders[Team.BLUE], orders[Team.RED]))[None, :])
         before, self._score = self._score, int(self.game.state.field[0, StateField.SCORE])
         self._show()
         if self._reward == "score":
@@ -109,15 +115,10 @@ def check_reward(reward: str) -> None:
         raise UnknownNameError("reward", reward, REWARDS)
 
 
-def load_rules(ruleset: Ruleset | str) -> Ruleset:
-    """Return a ruleset that may have been named."""
-    return load(ruleset) if isinstance(ruleset, str) else ruleset
-
-
 def read_orders(actions: Any, shape: tuple[int, ...], who: str) -> NDArray[np.int8]:
     """Return orders of a shape whose last axis is that of units; `SteppedError` unless they are one action for each."""
     orders = np.asarray(actions)
-    if orders.shape != shape or orders.dtype.kind not in "iu" or not np.isin(orders, list(Action)).all():
+    if orders.shape != shape or orders.dtype.kind not in "iu" or (orders.size and (orders.min() < 0 or orders.max() > _LAST)):
         n_orders = " x ".join(map(str, shape))
-        raise SteppedError(f"the actions of {who} must be {n_orders} whole numbers from 0 to {max(Action)}, not {actions!r}")
+        raise SteppedError(f"the actions of {who} must be {n_orders} whole numbers from 0 to {_LAST}, not {actions!r}")
     return orders.astype(np.int8)

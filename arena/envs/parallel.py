@@ -9,19 +9,25 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from arena.envs.episodes import RENDER_MODES, Episodes, SteppedError, read_orders
-from arena.envs.spaces import ObservationDict, order_space, team_space, unit_dict, unit_space
+from arena.envs.spaces import order_space, team_space, unit_space
+from arena.envs.views import ObservationDict, unit_dict
 from arena.errors import UnknownNameError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team, Termination
 
 AGENTS = ("units", "teams")
+_ACTIONS = frozenset(map(int, Action))
 
 
 def parallel_env(
-    ruleset: Ruleset | str = "paper", agents: str = "units", reward: str = "score", render_mode: str | None = None
+    ruleset: Ruleset | str = "paper",
+    agents: str = "units",
+    reward: str = "score",
+    render_mode: str | None = None,
+    frame: str = "board",
 ) -> "ParallelCapture":
     """Return the game as a PettingZoo `ParallelEnv`; the parameters are those of `ParallelCapture`."""
-    return ParallelCapture(ruleset, agents, reward, render_mode)
+    return ParallelCapture(ruleset, agents, reward, render_mode, frame)
 
 
 class ParallelCapture(ParallelEnv):  # type: ignore[misc]
@@ -32,6 +38,8 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
     agents
         `teams`: agents `blue` and `red`, an action for each unit. `units`: agents `blue_0`, `blue_1`, ..., an action each, and
         the team's reward for all of them; one that falls is terminated.
+    ruleset, reward, frame
+        As `Episodes` has them.
 
     Notes
     -----
@@ -41,10 +49,10 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
 
     metadata: ClassVar[dict[str, Any]] = {"name": "capture_the_flag_v0", "render_modes": list(RENDER_MODES), "render_fps": 10}
 
-    def __init__(self, ruleset: Ruleset | str, agents: str, reward: str, render_mode: str | None) -> None:
+    def __init__(self, ruleset: Ruleset | str, agents: str, reward: str, render_mode: str | None, frame: str) -> None:
         if agents not in AGENTS:
             raise UnknownNameError("kind of agents", agents, AGENTS)
-        self._episodes = Episodes(ruleset, reward, render_mode)
+        self._episodes = Episodes(ruleset, reward, render_mode, frame)
         self.render_mode = render_mode
         self.ruleset = self._episodes.ruleset
         self._n_units = self._episodes.game.n_units
@@ -98,7 +106,7 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
         self._episodes.check_running()
         reward = self._episodes.step(self._read(actions))
         before, is_over = self.agents, self._episodes.ending is not Termination.RUNNING
-        observations = self._observe(before)
+        observations, info = self._observe(before), self._episodes.info()
         fallen = {agent for agent in before if not self._lives(agent, observations)}
         self.agents = [] if is_over else [agent for agent in before if agent not in fallen]
         return (
@@ -106,7 +114,7 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
             {agent: reward if self._seats[agent][0] is Team.BLUE else -reward for agent in before},
             {agent: agent not in self.agents for agent in before},
             dict.fromkeys(before, False),
-            {agent: self._episodes.info() for agent in before},
+            {agent: {**info} for agent in before},
         )
 
     def render(self) -> str | NDArray[np.uint8] | None:
@@ -136,6 +144,8 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
             team, unit = self._seats[agent]
             if unit is None:
                 orders[team] = read_orders(answer, orders[team].shape, agent)
+            elif isinstance(answer, int | np.integer) and answer in _ACTIONS and not isinstance(answer, bool):
+                orders[team][unit] = answer
             else:
                 orders[team][unit] = read_orders([answer], (1,), agent)[0]
-        return orders
+        return {team: view.to_orders(orders[team]) for team, view in self._episodes.views.items()}

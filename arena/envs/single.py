@@ -9,7 +9,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from arena.envs.episodes import RENDER_MODES, Episodes, read_orders
-from arena.envs.spaces import ObservationDict, order_space, team_space
+from arena.envs.spaces import order_space, team_space
+from arena.envs.views import ObservationDict
 from arena.errors import UnknownNameError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
@@ -27,7 +28,7 @@ class SingleCapture(gymnasium.Env[ObservationDict, NDArray[Any]]):
         Makes the fighter on the other side, as a `BatchPolicy` does; `policies.environments` finds it by name.
     team
         The side of the caller.
-    ruleset, reward
+    ruleset, reward, frame
         As `Episodes` has them.
 
     Notes
@@ -45,9 +46,10 @@ class SingleCapture(gymnasium.Env[ObservationDict, NDArray[Any]]):
         ruleset: Ruleset | str = "paper",
         reward: str = "score",
         render_mode: str | None = None,
+        frame: str = "board",
     ) -> None:
         self._team = read_team(team)
-        self._episodes = Episodes(ruleset, reward, render_mode)
+        self._episodes = Episodes(ruleset, reward, render_mode, frame)
         self.render_mode = render_mode
         self.ruleset = rules = self._episodes.ruleset
         self._n_units = self._episodes.game.n_units
@@ -69,8 +71,9 @@ class SingleCapture(gymnasium.Env[ObservationDict, NDArray[Any]]):
         self._episodes.check_running()
         own = read_orders(actions, (self._n_units[self._team],), self._team.name.lower())
         theirs = np.zeros((1, self._n_units[self._team.other]), np.int8)
-        self._opponent.act(self._episodes.game.observe()[self._team.other], theirs)
-        reward = self._episodes.step({self._team: own, self._team.other: theirs[0]})
+        self._opponent.act(self._episodes.seen[self._team.other], theirs)
+        orders = {self._team: self._episodes.views[self._team].to_orders(own), self._team.other: theirs[0]}
+        reward = self._episodes.step(orders)
         is_over = self._episodes.ending is not Termination.RUNNING
         own_reward = reward if self._team is Team.BLUE else -reward
         return self._episodes.observe(self._team), own_reward, is_over, False, self._episodes.info()

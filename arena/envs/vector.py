@@ -8,9 +8,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from arena.envs.episodes import ENDINGS, FULL_SCORE, SteppedError, check_reward, keys_of, load_rules, read_orders
+from arena.envs.episodes import ENDINGS, FULL_SCORE, SteppedError, check_reward, keys_of, read_orders
 from arena.envs.single import read_team
-from arena.envs.spaces import ObservationDict, order_space, team_dict, team_space
+from arena.envs.spaces import order_space, team_space
+from arena.envs.views import ObservationDict, TeamView, load_rules
 from arena.errors import UnknownNameError
 from arena.game.engine import BatchedGame
 from arena.game.keys import new_secret, secret_from_seed
@@ -41,13 +42,16 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
         ruleset: Ruleset | str = "paper",
         reward: str = "score",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        frame: str = "board",
     ) -> None:
         check_reward(reward)
         self.num_envs, self._team, self._is_outcome = num_envs, read_team(team), reward == "outcome"
         self.ruleset = load_rules(ruleset)
         self.autoreset_mode = _read_mode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        self._view = TeamView(self.ruleset, self._team, frame)
         self._games = BatchedGame(self.ruleset, num_envs)
+        self._seen = self._games.observe()
         self._opponent = opponent(self.ruleset, self._team.other, num_envs)
         self.single_observation_space = team_space(self.ruleset, self._team)
         self.single_action_space = order_space(self.ruleset, self._team)
@@ -85,7 +89,7 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
                 self._secrets[row], self._n_begun[row] = secret_from_seed(one), 0
         self._begin(np.flatnonzero(mask))
         self._has_begun = True
-        return team_dict(self._games, self._team), self._info(mask)
+        return self._view.read(self._games.observe()[self._team]), self._info(mask)
 
     def step(
         self, actions: NDArray[Any]
@@ -94,13 +98,13 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
         if not self._has_begun:
             raise SteppedError("no match was begun; call reset() first")
         n_units = self._games.n_units
-        own = read_orders(actions, (self.num_envs, n_units[self._team]), self._team.name.lower())
+        own = self._view.to_orders(read_orders(actions, (self.num_envs, n_units[self._team]), self._team.name.lower()))
         were_over = self._games.is_over
         if self.autoreset_mode is AutoresetMode.DISABLED and were_over.any():
             raise SteppedError(f"the matches of rows {np.flatnonzero(were_over).tolist()} are over; reset them by a reset_mask")
         before = self._score()
         theirs = np.zeros((self.num_envs, n_units[self._team.other]), np.int8)
-        self._opponent.act(self._games.observe()[self._team.other], theirs)
+        self._opponent.act(self._seen[self._team.other], theirs)
         self._games.step(np.concatenate([own, theirs] if self._team is Team.BLUE else [theirs, own], axis=1))
         is_over, after = self._games.is_over, self._score()
         rewards = np.sign(after) * is_over if self._is_outcome else (after - before) / FULL_SCORE
@@ -112,7 +116,7 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
         else:
             self._begin(np.flatnonzero(were_over))
         infos = final | self._info(np.ones(self.num_envs, np.bool_))
-        return team_dict(self._games, self._team), rewards, is_over, np.zeros(self.num_envs, np.bool_), infos
+        return self._view.read(self._games.observe()[self._team]), rewards, is_over, np.zeros(self.num_envs, np.bool_), infos
 
     def _info(self, rows: NDArray[np.bool_]) -> dict[str, Any]:
         """Return how the matches of some rows stand, as Gymnasium batches infos."""
@@ -121,12 +125,13 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
         return {"ending": endings, "_ending": rows.copy()}
 
     def _final(self, is_over: NDArray[np.bool_]) -> dict[str, Any]:
-        """Return the last observations and infos of matches that have ended, as Gymnasium batches them; nothing where none has."""
+        """Return the last observations and infos of matches that have ended, as Gymnasium batches them; nothing if none has."""
         if not is_over.any():
             return {}
-        seen, last = team_dict(self._games, self._team), np.full(self.num_envs, None, object)
-        for row in np.flatnonzero(is_over).tolist():
-            last[row] = {name: values[row].copy() for name, values in seen.items()}
+        rows = np.flatnonzero(is_over)
+        seen, last = self._view.read(self._games.observe()[self._team].select(rows)), np.full(self.num_envs, None, object)
+        for number, row in enumerate(rows):
+            last[row] = {name: values[number].copy() for name, values in seen.items()}
         return {"final_obs": last, "_final_obs": is_over.copy(), "final_info": self._info(is_over), "_final_info": is_over.copy()}
 
     def _read_mask(self, options: Mapping[str, Any] | None) -> NDArray[np.bool_]:

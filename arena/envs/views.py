@@ -1,0 +1,163 @@
+"""What a team knows, as the arrays that an environment gives: from a batch of observations, or from a bot's single one."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arena.envs.compiled import compile_writer
+from arena.errors import InputError, UnknownNameError
+from arena.game.observation import FIELDS, Observation, Observations
+from arena.game.ruleset import Ruleset, load
+from arena.game.types import FLAGS, HALVES, UAVS, UGVS, Action, Code, Team
+
+ObservationDict = dict[str, NDArray[Any]]
+FRAMES = ("board", "own")
+N_TRAITS = 4
+"""Of a unit: row, column, type (index into `Ruleset.units`), whether it lives."""
+N_SIGHTED = 3
+"""Of an enemy in sight: row, column, type; all -1 where there is none."""
+PUBLIC = {name: spec for name, spec in FIELDS.items() if spec.is_public}
+_READ = {name: FIELDS[name].dtype for name in ("ground", "cell", "alive", "enemy_cell", "enemy_type")}
+_BOARD = {name: np.arange(n, dtype=np.int8) for name, n in (("codes", len(Code)), ("actions", len(Action)))}
+
+
+class TeamView:
+    """Writes what one team knows, as `arena.envs.spaces.team_space` describes it.
+
+    Parameters
+    ----------
+    frame
+        `board`: as the board is. `own`: as if the team were blue, whichever it is. Its own units, half and flag have blue's
+        codes, and the enemy is east. So a network that was trained on one side plays the other, too.
+    """
+
+    def __init__(self, ruleset: Ruleset, team: Team, frame: str = "board") -> None:
+        if frame not in FRAMES:
+            raise UnknownNameError("frame", frame, FRAMES)
+        self.ruleset, self.team = ruleset, team
+        self._is_mirrored = frame == "own" and team is Team.RED
+        codes, self._actions = _BOARD["codes"] + np.int8(Code.HIDDEN), _BOARD["actions"]
+        if self._is_mirrored:
+            codes, self._actions = codes.copy(), self._actions.copy()
+            for pair in (HALVES, UGVS, UAVS, FLAGS):
+                codes[np.array(pair) - Code.HIDDEN] = pair[::-1]
+            self._actions[[Action.EAST, Action.WEST]] = Action.WEST, Action.EAST
+        stamps = [[codes[kind[side] - Code.HIDDEN] for kind in (UGVS, UAVS)] for side in (team.other, team)]
+        types = [ruleset.units.index(kind) for kind in ruleset.team(team)]
+        self._tables = (
+            self._is_mirrored,
+            codes,
+            self._actions,
+            np.array(stamps, np.int8),
+            np.array(types, np.int8),
+            np.array([kind.flies for kind in ruleset.units], np.uint8),
+        )
+        blank = Observations.blank(ruleset, team, 1)
+        self._write = compile_writer(*self._tables, *self._inputs(blank), *self._outputs(1).values())
+
+    def read(self, seen: Observations) -> ObservationDict:
+        """Return what the team knows in every match, freshly made, each array with a leading axis of matches."""
+        view = self._outputs(len(seen))
+        self._write(*self._tables, *self._inputs(seen), *view.values())
+        legal = view.pop("legal_actions")
+        for name in PUBLIC:
+            view[name] = getattr(seen, name).copy().reshape(len(seen), -1)
+        view["legal_actions"] = legal
+        return view
+
+    def to_orders(self, actions: NDArray[np.int8]) -> NDArray[np.int8]:
+        """Return actions that were chosen by this view as the game takes them."""
+        return self._actions[actions] if self._is_mirrored else actions
+
+    def _inputs(self, seen: Observations) -> list[NDArray[Any]]:
+        return [np.ascontiguousarray(getattr(seen, name), dtype) for name, dtype in _READ.items()]
+
+    def _outputs(self, n: int) -> ObservationDict:
+        side, n_own, n_enemies = self.ruleset.side, len(self.ruleset.team(self.team)), len(self.ruleset.team(self.team.other))
+        return {
+            "grid": np.empty((n, side, side), np.int8),
+            "units": np.empty((n, n_own, N_TRAITS), np.int16),
+            "enemies": np.empty((n, n_enemies, N_SIGHTED), np.int16),
+            "legal_actions": np.empty((n, n_own, len(Action)), np.int8),
+        }
+
+
+def unit_dict(known: Mapping[str, NDArray[Any]], unit: int) -> ObservationDict:
+    """Return one unit's part of what its team knows in one match, freshly made."""
+    part = {name: values.copy() for name, values in known.items() if name != "legal_actions"}
+    part["self"], part["action_mask"] = known["units"][unit].copy(), known["legal_actions"][unit].copy()
+    return part
+
+
+def as_observation(
+    observation: Observation, ruleset: Ruleset | str = "paper", *, frame: str = "board", unit: int | None = None
+) -> ObservationDict:
+    """Return the observation of a bot as the environments give it for the same state.
+
+    So a network that was trained in an environment plays as a bot; with `frame="own"`, `as_orders` turns its actions back.
+
+    Parameters
+    ----------
+    ruleset
+        That of the match, by name, file or value: `MatchInfo.ruleset`. A file is read once.
+    frame
+        As the environment was made.
+    unit
+        The unit that asks, where every unit is an agent of its own; None for the whole team.
+
+    Raises
+    ------
+    InputError
+        The observation is not of a match under this ruleset.
+    """
+    view = _view(ruleset, observation.team, frame)
+    rules = view.ruleset
+    index = {kind.name: number for number, kind in enumerate(rules.units)}
+    team = [kind.name for kind in rules.team(observation.team)]
+    if len(observation.ground) != rules.side or [one.type for one in observation.units] != team:
+        raise InputError(
+            f"the observation is of no team of the ruleset {rules.name} on {rules.side} x {rules.side} cells; "
+            "pass the ruleset of its match, MatchInfo.ruleset"
+        )
+    seen = Observations.blank(rules, observation.team, 1)
+    seen.tick[0], seen.score[0], seen.living[0] = observation.tick, observation.score, observation.living
+    side = seen.side
+    seen.ground[0, : side * side] = observation.ground.ravel()
+    seen.cell[0] = [one.row * side + one.column for one in observation.units]
+    seen.alive[0] = [one.alive for one in observation.units]
+    n_enemies = len(observation.enemies)
+    seen.enemy_cell[0, :n_enemies] = [enemy.row * side + enemy.column for enemy in observation.enemies]
+    seen.enemy_type[0, :n_enemies] = [index[enemy.type] for enemy in observation.enemies]
+    whole = {name: values[0] for name, values in view.read(seen).items()}
+    return whole if unit is None else unit_dict(whole, unit)
+
+
+def as_observations(observations: Observations, ruleset: Ruleset | str = "paper", *, frame: str = "board") -> ObservationDict:
+    """Return the observations of a `BatchPolicy` as `VectorCapture` gives them, with a leading axis of seats."""
+    return _view(ruleset, observations.team, frame).read(observations)
+
+
+def as_orders(actions: Any, team: Team, *, frame: str = "own") -> NDArray[np.int8]:
+    """Return actions that were chosen in a frame as orders, of any shape; under `own`, red's east and west change places."""
+    if frame not in FRAMES:
+        raise UnknownNameError("frame", frame, FRAMES)
+    orders = np.asarray(actions, np.int8)
+    if frame == "board" or team is Team.BLUE:
+        return orders
+    swapped: NDArray[np.int8] = np.where(
+        orders == Action.EAST, Action.WEST, np.where(orders == Action.WEST, Action.EAST, orders)
+    ).astype(np.int8)
+    return swapped
+
+
+def load_rules(ruleset: Ruleset | str) -> Ruleset:
+    """Return a ruleset that may have been named."""
+    return load(ruleset) if isinstance(ruleset, str) else ruleset
+
+
+@lru_cache(maxsize=16)
+def _view(ruleset: Ruleset | str, team: Team, frame: str) -> TeamView:
+    return TeamView(load_rules(ruleset), team, frame)

@@ -1,0 +1,153 @@
+"""What an environment shows is what a bot is shown, and in its own frame a team is always the blue one."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import data_equivalence
+from hypothesis import given, reject
+from hypothesis import strategies as st
+
+from arena.envs import as_observation, as_observations, as_orders, parallel_env
+from arena.errors import BoardError, InputError, UnknownNameError
+from arena.game.observation import Observation
+from arena.game.ruleset import Ruleset, load
+from arena.game.types import Action, Team
+from policies.environments import make_single, make_vector
+
+PAPER = load("paper")
+STEPS = {Action.STAY: (0, 0), Action.NORTH: (-1, 0), Action.EAST: (0, 1), Action.SOUTH: (1, 0), Action.WEST: (0, -1)}
+
+
+@pytest.mark.parametrize("frame", ["board", "own"])
+@pytest.mark.parametrize("agents", ["teams", "units"])
+@pytest.mark.parametrize("name", ["paper", "exp1", "gym-cap"])
+def test_a_bot_s_observation_becomes_that_of_the_environment(name: str, agents: str, frame: str) -> None:
+    env, rng, n_enemies = parallel_env(name, agents, frame=frame), np.random.default_rng(3), 0
+    observations, _ = env.reset(seed=2)
+    while env.agents:
+        for agent, expected in observations.items():
+            team, unit = env._seats[agent]
+            told = env._episodes.game.observe()[team].seat(0, env.ruleset)
+            assert data_equivalence(as_observation(told, name, frame=frame, unit=unit), expected, exact=True)
+            n_enemies += len(told.enemies)
+        observations = env.step({agent: rng.choice([1, 2, 3, 4], env.action_space(agent).shape or None) for agent in env.agents})[
+            0
+        ]
+    assert n_enemies or name != "paper"
+
+
+@pytest.mark.parametrize("team", ["blue", "red"])
+def test_a_batch_of_observations_becomes_that_of_the_vector_form(team: str) -> None:
+    env = make_vector(5, opponent="rush", team=team, frame="own")
+    shown, rng = env.reset(seed=1)[0], np.random.default_rng(3)
+    for _ in range(30):
+        assert data_equivalence(as_observations(env._games.observe()[env._team], PAPER, frame="own"), shown, exact=True)
+        shown = env.step(rng.integers(0, 5, (5, 6)))[0]
+
+
+@st.composite
+def boards(draw: st.DrawFn) -> str:
+    """Draw a board on which no two units of a team stand in a row, so that turning it over keeps the units' order."""
+    cells = np.full((10, 10), ".")
+    free = draw(st.permutations([(row, column) for row in range(10) for column in range(10)]))
+    for team in ("UUUA", "uuua"):
+        used = set[int]()
+        for letter in team:
+            at = next(cell for cell in free if cell[0] not in used)
+            used.add(at[0])
+            free.remove(at)
+            cells[at] = letter
+    for letter, half in (("F", range(5)), ("f", range(5, 10))):
+        at = next(cell for cell in free if cell[1] in half)
+        free.remove(at)
+        cells[at] = letter
+    for at in free[: draw(st.integers(0, 8))]:
+        cells[at] = "#"
+    return "\n".join("".join(row) for row in cells)
+
+
+def turned_over(board: str) -> str:
+    """Return a board with east for west and blue for red."""
+    return "\n".join(line[::-1].swapcase() for line in board.splitlines())
+
+
+def without_contest(env: Any, orders: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Leave out moves to where another stands or goes: chance decides them, and knows the units by their numbers."""
+    stand = env._episodes.game.state.cell[0].tolist()
+    taken, kept = {divmod(cell, env.ruleset.side) for cell in stand}, {team: actions.copy() for team, actions in orders.items()}
+    for number, cell in enumerate(stand):
+        team, unit = ("blue", "red")[number // 4], number % 4
+        down, right = STEPS[Action(int(orders[team][unit]))]
+        row, column = divmod(cell, env.ruleset.side)
+        target = row + down, column + (right if team == "blue" else -right)  # red's is its own frame
+        if target in taken:
+            kept[team][unit] = Action.STAY
+        taken.add(target)
+    return kept
+
+
+@given(board=boards(), seed=st.integers(0, 999))
+def test_in_its_own_frame_a_position_looks_the_same_from_either_side_and_orders_lead_to_positions_that_do(
+    board: str, seed: int
+) -> None:
+    rules = PAPER.with_({"random_combat": False, "units": {"ugv": {"sight": 4}, "uav": {"sight": 5}}})
+    try:
+        one, other = (parallel_env(rules.with_({"board": drawn}), "teams", frame="own") for drawn in (board, turned_over(board)))
+    except BoardError:
+        reject()  # an obstacle cut somebody off
+    seen, mirrored = one.reset(seed=1)[0], other.reset(seed=1)[0]
+    rng = np.random.default_rng(seed)
+    for _ in range(8):
+        assert data_equivalence(seen["blue"], mirrored["red"], exact=True)
+        assert data_equivalence(seen["red"], mirrored["blue"], exact=True)
+        if not one.agents:
+            break
+        orders = without_contest(one, {team: rng.integers(0, 5, 4) for team in ("blue", "red")})
+        seen, rewards, _, _, infos = one.step(orders)
+        mirrored, other_rewards, *_, other_infos = other.step({"blue": orders["red"], "red": orders["blue"]})
+        assert rewards == {"blue": other_rewards["red"], "red": other_rewards["blue"]}
+        assert infos == other_infos
+    assert one.agents == other.agents
+
+
+def test_in_the_frame_of_the_board_blue_s_view_is_its_own_and_red_s_is_turned_over() -> None:
+    envs = {frame: parallel_env("paper", "teams", frame=frame) for frame in ("board", "own")}
+    plain, own = (env.reset(seed=4)[0] for env in envs.values())
+
+    assert data_equivalence(plain["blue"], own["blue"], exact=True)
+    assert (plain["red"]["units"][:, 1] + own["red"]["units"][:, 1] == PAPER.side - 1).all()
+    assert (plain["red"]["legal_actions"][:, [0, 1, 4, 3, 2]] == own["red"]["legal_actions"]).all()
+    assert (envs["board"].state() == envs["own"].state()).all(), "the truth is the board's"
+
+
+@pytest.mark.parametrize(("team", "orders"), [(Team.BLUE, [0, 1, 2, 3, 4]), (Team.RED, [0, 1, 4, 3, 2])])
+def test_actions_of_the_own_frame_become_orders(team: Team, orders: list[int]) -> None:
+    assert as_orders(range(5), team).tolist() == orders
+    assert as_orders(range(5), team, frame="board").tolist() == [0, 1, 2, 3, 4]
+
+
+def test_one_network_plays_both_sides_of_a_single_match_alike() -> None:
+    """Going east is going towards the enemy, for red as for blue."""
+    for team in ("blue", "red"):
+        env = make_single("patrol", team=team, frame="own")
+        shown, _ = env.reset(seed=1)
+        before = shown["units"][:, 1].sum()
+        for _ in range(4):
+            shown = env.step(np.where(shown["legal_actions"][:, Action.EAST], Action.EAST, Action.STAY))[0]
+        assert shown["units"][:, 1].sum() > before
+
+
+def test_a_frame_of_another_name_is_refused() -> None:
+    told = Observation.from_board("F..f\n.U.u\n....\n....")
+    rules: Ruleset = PAPER.with_({"board": "F..f\n.U.u\n....\n...."})
+    for call in (lambda: as_observation(told, rules, frame="mine"), lambda: as_orders([0], Team.RED, frame="mine")):
+        with pytest.raises(UnknownNameError, match="unknown frame 'mine'"):
+            call()
+
+
+def test_an_observation_under_other_rules_is_refused_in_a_sentence() -> None:
+    told = Observation.from_board("F..f\n.U.u\n....\n....")
+
+    with pytest.raises(InputError, match="no team of the ruleset paper on 20 x 20 cells; pass the ruleset of its match"):
+        as_observation(told)
