@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.envs.render import draw_letters, paint, show
-from arena.envs.views import ObservationDict, TeamView, load_rules
+from arena.envs.views import ObservationDict, TeamView, check_layout, load_rules
 from arena.errors import InputError, UnknownNameError
 from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, new_secret, secret_from_seed
@@ -39,11 +39,14 @@ class Episodes:
         was won, -1 for one that was lost, at its end, else 0.
     frame
         As `TeamView` has it: what is observed, and what actions mean.
+    layout
+        `dict`: an observation is a dictionary of arrays. `box`: one array, as `gymnasium.spaces.flatten` makes it of that.
     """
 
-    def __init__(self, ruleset: Ruleset | str, reward: str, render_mode: str | None, frame: str = "board") -> None:
+    def __init__(self, ruleset: Ruleset | str, reward: str, render_mode: str | None, frame: str, layout: str) -> None:
         self.ruleset = load_rules(ruleset)
         check_reward(reward)
+        check_layout(layout)
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise UnknownNameError("render mode", render_mode, RENDER_MODES)
         self._reward, self._render_mode = reward, render_mode

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from arena.envs.episodes import RENDER_MODES, Episodes, SteppedError, read_orders
-from arena.envs.spaces import order_space, team_space, unit_space
-from arena.envs.views import ObservationDict, unit_dict
+from arena.envs.spaces import laid_out, order_space, state_space, team_space, unit_space
+from arena.envs.views import Shown, lay_out, unit_dict
 from arena.errors import UnknownNameError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team, Termination
@@ -25,9 +25,10 @@ def parallel_env(
     reward: str = "score",
     render_mode: str | None = None,
     frame: str = "board",
+    layout: str = "dict",
 ) -> "ParallelCapture":
     """Return the game as a PettingZoo `ParallelEnv`; the parameters are those of `ParallelCapture`."""
-    return ParallelCapture(ruleset, agents, reward, render_mode, frame)
+    return ParallelCapture(ruleset, agents, reward, render_mode, frame, layout)
 
 
 class ParallelCapture(ParallelEnv):  # type: ignore[misc]
@@ -38,7 +39,7 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
     agents
         `teams`: agents `blue` and `red`, an action for each unit. `units`: agents `blue_0`, `blue_1`, ..., an action each, and
         the team's reward for all of them; one that falls is terminated.
-    ruleset, reward, frame
+    ruleset, reward, frame, layout
         As `Episodes` has them.
 
     Notes
@@ -49,11 +50,13 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
 
     metadata: ClassVar[dict[str, Any]] = {"name": "capture_the_flag_v0", "render_modes": list(RENDER_MODES), "render_fps": 10}
 
-    def __init__(self, ruleset: Ruleset | str, agents: str, reward: str, render_mode: str | None, frame: str) -> None:
+    def __init__(
+        self, ruleset: Ruleset | str, agents: str, reward: str, render_mode: str | None, frame: str, layout: str
+    ) -> None:
         if agents not in AGENTS:
             raise UnknownNameError("kind of agents", agents, AGENTS)
-        self._episodes = Episodes(ruleset, reward, render_mode, frame)
-        self.render_mode = render_mode
+        self._episodes = Episodes(ruleset, reward, render_mode, frame, layout)
+        self.render_mode, self._layout = render_mode, layout
         self.ruleset = self._episodes.ruleset
         self._n_units = self._episodes.game.n_units
         self._has_units = agents == "units"
@@ -62,12 +65,14 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
             name = team.name.lower()
             units = [(f"{name}_{unit}", unit) for unit in range(self._n_units[team])] if self._has_units else [(name, None)]
             self._seats |= {agent: (team, unit) for agent, unit in units}
-        self.possible_agents, self.agents = list(self._seats), list[str]()
+        self.possible_agents, self.agents, self._has_begun = list(self._seats), list[str](), False
         self.observation_spaces = {agent: self._space(team) for agent, (team, _) in self._seats.items()}
+        self.state_space = state_space(self.ruleset)
         self.action_spaces = {agent: self._actions(team) for agent, (team, _) in self._seats.items()}
 
-    def _space(self, team: Team) -> spaces.Dict:
-        return unit_space(self.ruleset, team) if self._has_units else team_space(self.ruleset, team)
+    def _space(self, team: Team) -> spaces.Space[Any]:
+        space = unit_space(self.ruleset, team) if self._has_units else team_space(self.ruleset, team)
+        return laid_out(space, self._layout)
 
     def _actions(self, team: Team) -> spaces.Space[Any]:
         return spaces.Discrete(len(Action)) if self._has_units else order_space(self.ruleset, team)
@@ -82,32 +87,35 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[dict[str, ObservationDict], dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, Shown], dict[str, dict[str, Any]]]:
         """Begin a match; `options["keys"]`, of `MatchKeys`, names one among all that there are."""
         self._episodes.begin(seed, options)
-        self.agents = [*self.possible_agents]
+        self.agents, self._has_begun = [*self.possible_agents], True
         return self._observe(self.agents), {agent: self._episodes.info() for agent in self.agents}
 
     def step(
         self, actions: Mapping[str, Any]
-    ) -> tuple[dict[str, ObservationDict], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, Shown], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Play one tick.
 
         Parameters
         ----------
         actions
-            One action of each living agent: a number, or with `agents="teams"` one for each unit, fallen ones included.
+            One action of each living agent: a number, or with `agents="teams"` one for each unit, fallen ones included. No
+            actions at all after the end of a match change nothing.
 
         Raises
         ------
         SteppedError
             No match runs, or these are no actions of these agents.
         """
+        if not actions and not self.agents and self._has_begun:  # the last call of wrappers that end a match a step later
+            return {}, {}, {}, {}, {}
         self._episodes.check_running()
         reward = self._episodes.step(self._read(actions))
         before, is_over = self.agents, self._episodes.ending is not Termination.RUNNING
         observations, info = self._observe(before), self._episodes.info()
-        fallen = {agent for agent in before if not self._lives(agent, observations)}
+        fallen = {agent for agent in before if self._has_fallen(*self._seats[agent])}
         self.agents = [] if is_over else [agent for agent in before if agent not in fallen]
         return (
             observations,
@@ -128,13 +136,15 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
         """Return the true board; int8, shape (side, side), codes of the paper's Table 2. For critics, never for those who act."""
         return self._episodes.game.truth(0)
 
-    def _observe(self, agents: list[str]) -> dict[str, ObservationDict]:
-        known = {team: self._episodes.observe(team) for team in Team}
-        seats = {agent: self._seats[agent] for agent in agents}
-        return {agent: {**known[team]} if unit is None else unit_dict(known[team], unit) for agent, (team, unit) in seats.items()}
+    def _observe(self, agents: list[str]) -> dict[str, Shown]:
+        known, shown = {team: self._episodes.observe(team) for team in Team}, {}
+        for agent in agents:
+            team, unit = self._seats[agent]
+            shown[agent] = lay_out(known[team] if unit is None else unit_dict(known[team], unit), self._layout)
+        return shown
 
-    def _lives(self, agent: str, observations: Mapping[str, ObservationDict]) -> bool:
-        return not self._has_units or bool(observations[agent]["self"][-1])
+    def _has_fallen(self, team: Team, unit: int | None) -> bool:
+        return unit is not None and not self._episodes.seen[team].alive[0, unit]
 
     def _read(self, actions: Mapping[str, Any]) -> dict[Team, NDArray[np.int8]]:
         if set(actions) != set(self.agents):

@@ -9,8 +9,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from arena.envs.episodes import RENDER_MODES, Episodes, read_orders
-from arena.envs.spaces import order_space, team_space
-from arena.envs.views import ObservationDict
+from arena.envs.spaces import laid_out, order_space, team_space
+from arena.envs.views import Shown, lay_out
 from arena.errors import UnknownNameError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
@@ -19,7 +19,7 @@ from arena.policy import BatchFactory
 TEAMS = tuple(team.name.lower() for team in Team)
 
 
-class SingleCapture(gymnasium.Env[ObservationDict, NDArray[Any]]):
+class SingleCapture(gymnasium.Env[Shown, NDArray[Any]]):
     """Capture the flag against a fighter.
 
     Parameters
@@ -28,7 +28,7 @@ class SingleCapture(gymnasium.Env[ObservationDict, NDArray[Any]]):
         Makes the fighter on the other side, as a `BatchPolicy` does; `policies.environments` finds it by name.
     team
         The side of the caller.
-    ruleset, reward, frame
+    ruleset, reward, frame, layout
         As `Episodes` has them.
 
     Notes
@@ -47,26 +47,25 @@ class SingleCapture(gymnasium.Env[ObservationDict, NDArray[Any]]):
         reward: str = "score",
         render_mode: str | None = None,
         frame: str = "board",
+        layout: str = "dict",
     ) -> None:
         self._team = read_team(team)
-        self._episodes = Episodes(ruleset, reward, render_mode, frame)
-        self.render_mode = render_mode
+        self._episodes = Episodes(ruleset, reward, render_mode, frame, layout)
+        self.render_mode, self._layout = render_mode, layout
         self.ruleset = rules = self._episodes.ruleset
         self._n_units = self._episodes.game.n_units
         self._opponent = opponent(rules, self._team.other, 1)
-        self.observation_space: spaces.Space[Any] = team_space(rules, self._team)
+        self.observation_space: spaces.Space[Any] = laid_out(team_space(rules, self._team), layout)
         self.action_space = order_space(rules, self._team)
 
-    def reset(
-        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[ObservationDict, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> tuple[Shown, dict[str, Any]]:
         """Begin a match; `options["keys"]`, of `MatchKeys`, names one among all that there are."""
         super().reset(seed=seed)
         self._episodes.begin(seed, options)
         self._opponent.start(np.zeros(1, np.intp))
-        return self._episodes.observe(self._team), self._episodes.info()
+        return self._observe(), self._episodes.info()
 
-    def step(self, actions: NDArray[Any]) -> tuple[ObservationDict, float, bool, bool, dict[str, Any]]:
+    def step(self, actions: NDArray[Any]) -> tuple[Shown, float, bool, bool, dict[str, Any]]:
         """Play one tick; `SteppedError` if no match runs, or these are not an action for each unit."""
         self._episodes.check_running()
         own = read_orders(actions, (self._n_units[self._team],), self._team.name.lower())
@@ -76,11 +75,14 @@ class SingleCapture(gymnasium.Env[ObservationDict, NDArray[Any]]):
         reward = self._episodes.step(orders)
         is_over = self._episodes.ending is not Termination.RUNNING
         own_reward = reward if self._team is Team.BLUE else -reward
-        return self._episodes.observe(self._team), own_reward, is_over, False, self._episodes.info()
+        return self._observe(), own_reward, is_over, False, self._episodes.info()
 
     def render(self) -> Any:
         """Return the true board, as `render_mode` has it."""
         return self._episodes.render()
+
+    def _observe(self) -> Shown:
+        return lay_out(self._episodes.observe(self._team), self._layout)
 
 
 def read_team(name: str) -> Team:

@@ -1,5 +1,7 @@
 """The spaces of what a team knows and may do; `arena.envs.views` writes the arrays."""
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
@@ -32,6 +34,16 @@ def team_space(ruleset: Ruleset, team: Team) -> spaces.Dict:
 def _box(spec: FieldSpec, ruleset: Ruleset, team: Team) -> spaces.Box:
     values = spec.values_of(ruleset, team) or (np.iinfo(spec.dtype).min, np.iinfo(spec.dtype).max)
     return spaces.Box(values[0], values[-1], spec.shape_of(ruleset, team) or (1,), spec.dtype)
+
+
+def laid_out(space: spaces.Dict, layout: str) -> spaces.Space[Any]:
+    """Return the space of observations that `arena.envs.views.lay_out` has laid out."""
+    return space if layout == "dict" else spaces.flatten_space(space)
+
+
+def state_space(ruleset: Ruleset) -> spaces.Box:
+    """Return the space of the true board, in the codes of the paper's Table 2."""
+    return spaces.Box(0, int(max(Code)), (ruleset.side, ruleset.side), np.int8)
 
 
 def order_space(ruleset: Ruleset, team: Team) -> spaces.MultiDiscrete:

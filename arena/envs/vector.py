@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from arena.envs.episodes import ENDINGS, FULL_SCORE, SteppedError, check_reward, keys_of, read_orders
 from arena.envs.single import read_team
-from arena.envs.spaces import order_space, team_space
-from arena.envs.views import ObservationDict, TeamView, load_rules
+from arena.envs.spaces import laid_out, order_space, team_space
+from arena.envs.views import Shown, TeamView, check_layout, lay_out, load_rules
 from arena.errors import UnknownNameError
 from arena.game.engine import BatchedGame
 from arena.game.keys import new_secret, secret_from_seed
@@ -21,7 +21,7 @@ from arena.game.types import Team
 from arena.policy import BatchFactory
 
 
-class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
+class VectorCapture(VectorEnv[Shown, NDArray[Any], NDArray[Any]]):
     """Capture the flag against a fighter, `num_envs` matches at once; the other parameters are those of `SingleCapture`.
 
     Parameters
@@ -43,17 +43,19 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
         reward: str = "score",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         frame: str = "board",
+        layout: str = "dict",
     ) -> None:
         check_reward(reward)
+        check_layout(layout)
         self.num_envs, self._team, self._is_outcome = num_envs, read_team(team), reward == "outcome"
         self.ruleset = load_rules(ruleset)
         self.autoreset_mode = _read_mode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self._view = TeamView(self.ruleset, self._team, frame)
+        self._view, self._layout = TeamView(self.ruleset, self._team, frame), layout
         self._games = BatchedGame(self.ruleset, num_envs)
         self._seen = self._games.observe()
         self._opponent = opponent(self.ruleset, self._team.other, num_envs)
-        self.single_observation_space = team_space(self.ruleset, self._team)
+        self.single_observation_space = laid_out(team_space(self.ruleset, self._team), layout)
         self.single_action_space = order_space(self.ruleset, self._team)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -63,7 +65,7 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[ObservationDict, dict[str, Any]]:
+    ) -> tuple[Shown, dict[str, Any]]:
         """Begin a match in every row, or in those of `options["reset_mask"]`.
 
         Parameters
@@ -89,11 +91,11 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
                 self._secrets[row], self._n_begun[row] = secret_from_seed(one), 0
         self._begin(np.flatnonzero(mask))
         self._has_begun = True
-        return self._view.read(self._games.observe()[self._team]), self._info(mask)
+        return self._observe(), self._info(mask)
 
     def step(
         self, actions: NDArray[Any]
-    ) -> tuple[ObservationDict, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    ) -> tuple[Shown, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Play one tick everywhere; `actions` has shape (num_envs, units)."""
         if not self._has_begun:
             raise SteppedError("no match was begun; call reset() first")
@@ -116,7 +118,10 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
         else:
             self._begin(np.flatnonzero(were_over))
         infos = final | self._info(np.ones(self.num_envs, np.bool_))
-        return self._view.read(self._games.observe()[self._team]), rewards, is_over, np.zeros(self.num_envs, np.bool_), infos
+        return self._observe(), rewards, is_over, np.zeros(self.num_envs, np.bool_), infos
+
+    def _observe(self) -> Shown:
+        return lay_out(self._view.read(self._games.observe()[self._team]), self._layout)
 
     def _info(self, rows: NDArray[np.bool_]) -> dict[str, Any]:
         """Return how the matches of some rows stand, as Gymnasium batches infos."""
@@ -131,7 +136,7 @@ class VectorCapture(VectorEnv[ObservationDict, NDArray[Any], NDArray[Any]]):
         rows = np.flatnonzero(is_over)
         seen, last = self._view.read(self._games.observe()[self._team].select(rows)), np.full(self.num_envs, None, object)
         for number, row in enumerate(rows):
-            last[row] = {name: values[number].copy() for name, values in seen.items()}
+            last[row] = lay_out({name: values[number].copy() for name, values in seen.items()}, self._layout)
         return {"final_obs": last, "_final_obs": is_over.copy(), "final_info": self._info(is_over), "_final_info": is_over.copy()}
 
     def _read_mask(self, options: Mapping[str, Any] | None) -> NDArray[np.bool_]:

@@ -14,7 +14,10 @@ from arena.game.ruleset import Ruleset, load
 from arena.game.types import FLAGS, HALVES, UAVS, UGVS, Action, Code, Team
 
 ObservationDict = dict[str, NDArray[Any]]
+Shown = ObservationDict | NDArray[Any]
+"""An observation as the layout has it."""
 FRAMES = ("board", "own")
+LAYOUTS = ("dict", "box")
 N_TRAITS = 4
 """Of a unit: row, column, type (index into `Ruleset.units`), whether it lives."""
 N_SIGHTED = 3
@@ -92,9 +95,31 @@ def unit_dict(known: Mapping[str, NDArray[Any]], unit: int) -> ObservationDict:
     return part
 
 
+def lay_out(known: ObservationDict, layout: str) -> Shown:
+    """Return what is known as an observation: as it is, or with the layout `box` as one array.
+
+    The array has every number of the dictionary, in the order of `gymnasium.spaces.flatten`; axes before those of `grid` stay.
+    """
+    if layout == "dict":
+        return known
+    lead = known["grid"].shape[:-2]
+    return np.concatenate([known[name].reshape(*lead, -1) for name in sorted(known)], axis=-1)
+
+
+def check_layout(layout: str) -> None:
+    """Raise `UnknownNameError` unless there is such a layout."""
+    if layout not in LAYOUTS:
+        raise UnknownNameError("layout", layout, LAYOUTS)
+
+
 def as_observation(
-    observation: Observation, ruleset: Ruleset | str = "paper", *, frame: str = "board", unit: int | None = None
-) -> ObservationDict:
+    observation: Observation,
+    ruleset: Ruleset | str = "paper",
+    *,
+    frame: str = "board",
+    layout: str = "dict",
+    unit: int | None = None,
+) -> Shown:
     """Return the observation of a bot as the environments give it for the same state.
 
     So a network that was trained in an environment plays as a bot; with `frame="own"`, `as_orders` turns its actions back.
@@ -103,7 +128,7 @@ def as_observation(
     ----------
     ruleset
         That of the match, by name, file or value: `MatchInfo.ruleset`. A file is read once.
-    frame
+    frame, layout
         As the environment was made.
     unit
         The unit that asks, where every unit is an agent of its own; None for the whole team.
@@ -113,6 +138,7 @@ def as_observation(
     InputError
         The observation is not of a match under this ruleset.
     """
+    check_layout(layout)
     view = _view(ruleset, observation.team, frame)
     rules = view.ruleset
     index = {kind.name: number for number, kind in enumerate(rules.units)}
@@ -132,12 +158,15 @@ def as_observation(
     seen.enemy_cell[0, :n_enemies] = [enemy.row * side + enemy.column for enemy in observation.enemies]
     seen.enemy_type[0, :n_enemies] = [index[enemy.type] for enemy in observation.enemies]
     whole = {name: values[0] for name, values in view.read(seen).items()}
-    return whole if unit is None else unit_dict(whole, unit)
+    return lay_out(whole if unit is None else unit_dict(whole, unit), layout)
 
 
-def as_observations(observations: Observations, ruleset: Ruleset | str = "paper", *, frame: str = "board") -> ObservationDict:
+def as_observations(
+    observations: Observations, ruleset: Ruleset | str = "paper", *, frame: str = "board", layout: str = "dict"
+) -> Shown:
     """Return the observations of a `BatchPolicy` as `VectorCapture` gives them, with a leading axis of seats."""
-    return _view(ruleset, observations.team, frame).read(observations)
+    check_layout(layout)
+    return lay_out(_view(ruleset, observations.team, frame).read(observations), layout)
 
 
 def as_orders(actions: Any, team: Team, *, frame: str = "own") -> NDArray[np.int8]:

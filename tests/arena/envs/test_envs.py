@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import VectorEnv
-from pettingzoo.test import parallel_api_test, parallel_seed_test, render_test
+from pettingzoo.test import parallel_api_test, parallel_seed_test, render_test, state_test
 from pettingzoo.utils import parallel_to_aec
 
 from arena.envs import ParallelCapture, parallel_env
@@ -63,6 +63,11 @@ def test_pettingzoo_s_own_tests_pass(rules: str, agents: str) -> None:
         warnings.simplefilter("error")
         parallel_api_test(parallel_env(rules, agents), num_cycles=200)
         parallel_seed_test(lambda: parallel_env(rules, agents), num_cycles=50)
+
+
+def test_pettingzoo_s_test_of_the_state_passes() -> None:
+    env = parallel_env(SMALL, "teams")
+    state_test(parallel_to_aec(env), env)
 
 
 def test_pettingzoo_s_render_test_passes(capsys: pytest.CaptureFixture[str]) -> None:
@@ -235,6 +240,12 @@ def test_a_match_that_is_over_or_was_not_begun_is_not_stepped() -> None:
     for env, actions in ((single, np.zeros(6)), (parallel, {}), (many, np.zeros((2, 6)))):
         with pytest.raises(SteppedError, match=r"call reset\(\) first"):
             env.step(actions)  # type: ignore[attr-defined]
+    parallel.reset(seed=1)
+    while parallel.agents:
+        parallel.step(dict.fromkeys(parallel.agents, np.zeros(6, np.int64)))
+    assert parallel.step({}) == ({}, {}, {}, {}, {})
+    with pytest.raises(SteppedError, match="it is over"):
+        parallel.step({"blue": np.zeros(6, np.int64)})
     single.reset(seed=1)
     while not single.step(np.zeros(6, np.int64))[2]:
         pass

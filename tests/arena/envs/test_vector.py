@@ -25,10 +25,10 @@ def both(mode: AutoresetMode, **options: Any) -> tuple[VectorCapture, SyncVector
     )
 
 
-@pytest.mark.parametrize("team", ["blue", "red"])
+@pytest.mark.parametrize(("team", "layout"), [("blue", "dict"), ("red", "box")])
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_it_gives_what_gymnasium_s_own_vector_form_gives(mode: AutoresetMode, team: str) -> None:
-    ours, theirs = both(mode, team=team, reward="outcome")
+def test_it_gives_what_gymnasium_s_own_vector_form_gives(mode: AutoresetMode, team: str, layout: str) -> None:
+    ours, theirs = both(mode, team=team, layout=layout, reward="outcome")
     rng, n_ended = np.random.default_rng(5), 0
 
     assert data_equivalence(ours.reset(seed=11), theirs.reset(seed=11), exact=True)

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium import spaces
 from gymnasium.utils.env_checker import data_equivalence
 from hypothesis import given, reject
 from hypothesis import strategies as st
@@ -136,6 +137,30 @@ def test_one_network_plays_both_sides_of_a_single_match_alike() -> None:
         for _ in range(4):
             shown = env.step(np.where(shown["legal_actions"][:, Action.EAST], Action.EAST, Action.STAY))[0]
         assert shown["units"][:, 1].sum() > before
+
+
+@pytest.mark.parametrize("agents", ["teams", "units"])
+def test_the_layout_box_is_gymnasium_s_own_flattening(agents: str) -> None:
+    rules = PAPER.with_({"tick_limit": 9})
+    one, flat = parallel_env(rules, agents), parallel_env(rules, agents, layout="box")
+    seen, boxes = one.reset(seed=1)[0], flat.reset(seed=1)[0]
+    while one.agents:
+        for agent, box in boxes.items():
+            space = one.observation_space(agent)
+            assert flat.observation_space(agent) == spaces.flatten_space(space)
+            assert data_equivalence(box, spaces.flatten(space, seen[agent]), exact=True)
+            assert data_equivalence(dict(spaces.unflatten(space, box)), dict(sorted(seen[agent].items())), exact=True)
+            team, unit = one._seats[agent]
+            told = one._episodes.game.observe()[team].seat(0, rules)
+            assert data_equivalence(as_observation(told, rules, layout="box", unit=unit), box, exact=True)
+        orders = {agent: one.action_space(agent).sample() for agent in one.agents}
+        seen, boxes = one.step(orders)[0], flat.step(orders)[0]
+
+
+def test_a_layout_of_another_name_is_refused() -> None:
+    for make in (parallel_env, make_single, make_vector):
+        with pytest.raises(UnknownNameError, match="unknown layout 'bocks'; did you mean 'box'"):
+            make(layout="bocks")
 
 
 def test_a_frame_of_another_name_is_refused() -> None:
