@@ -19,8 +19,6 @@ _LAST = int(max(Action))
 REWARDS = ("score", "outcome")
 RENDER_MODES = ("human", "ansi", "rgb_array")
 FULL_SCORE = 100.0
-ENDINGS = np.array([ending.name.lower() for ending in Termination], object)
-"""What the info calls each `Termination`."""
 
 
 class SteppedError(InputError):
@@ -93,8 +91,8 @@ class Episodes:
         return 0.0 if self.ending is Termination.RUNNING else float(np.sign(self._score))
 
     def info(self) -> dict[str, Any]:
-        """Return what is to be said beside an observation: how the match ended, `running` until it has."""
-        return {"ending": ENDINGS[self.ending]}
+        """Return what stands beside an observation: the match's `Termination`, as a number, which every framework takes."""
+        return {"ending": int(self.ending)}
 
     def render(self) -> str | NDArray[np.uint8] | None:
         """Return the true board, as letters or as a picture; None where nobody wants it, or it is shown at every tick."""

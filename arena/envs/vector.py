@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from arena.envs.episodes import ENDINGS, FULL_SCORE, SteppedError, check_reward, keys_of, read_orders
+from arena.envs.episodes import FULL_SCORE, SteppedError, check_reward, keys_of, read_orders
 from arena.envs.single import read_team
 from arena.envs.spaces import laid_out, order_space, team_space
 from arena.envs.views import Shown, TeamView, check_layout, lay_out, load_rules
@@ -125,9 +125,7 @@ class VectorCapture(VectorEnv[Shown, NDArray[Any], NDArray[Any]]):
 
     def _info(self, rows: NDArray[np.bool_]) -> dict[str, Any]:
         """Return how the matches of some rows stand, as Gymnasium batches infos."""
-        endings = ENDINGS[self._games.state.field[:, StateField.ENDING]]
-        endings[~rows] = None
-        return {"ending": endings, "_ending": rows.copy()}
+        return {"ending": self._games.state.field[:, StateField.ENDING] * rows.astype(np.int64), "_ending": rows.copy()}
 
     def _final(self, is_over: NDArray[np.bool_]) -> dict[str, Any]:
         """Return the last observations and infos of matches that have ended, as Gymnasium batches them; nothing if none has."""

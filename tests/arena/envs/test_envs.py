@@ -112,7 +112,7 @@ def test_the_same_keys_and_orders_give_the_bytes_of_the_local_venue_and_of_the_n
 
     assert env.agents == []
     assert journal.ending is not None
-    assert {info["ending"] for info in infos.values()} == {journal.ending.ending.name.lower()}
+    assert {info["ending"] for info in infos.values()} == {journal.ending.ending}
     if agents == "teams":
         assert totals["blue"] == pytest.approx(journal.ending.score / 100)
         assert totals["red"] == pytest.approx(-journal.ending.score / 100)

@@ -11,6 +11,7 @@ from arena.envs.episodes import SteppedError
 from arena.envs.vector import VectorCapture
 from arena.errors import UnknownNameError
 from arena.game.ruleset import load
+from arena.game.types import Termination
 from policies.environments import make_single, make_vector
 
 SMALL = load("paper").with_({"side": 10, "tick_limit": 12})
@@ -54,12 +55,12 @@ def test_without_autoreset_a_match_that_is_over_waits_for_its_reset() -> None:
     while not over.any():
         _, _, over, _, infos = env.step(stay)
 
-    assert (infos["ending"][over] != "running").all()
+    assert (infos["ending"][over] != Termination.RUNNING).all()
     with pytest.raises(SteppedError, match="reset them by a reset_mask"):
         env.step(stay)
     _, infos = env.reset(options={"reset_mask": over})
     assert (infos["_ending"] == over).all()
-    assert (infos["ending"][over] == "running").all()
+    assert (infos["ending"][over] == Termination.RUNNING).all()
     env.step(stay)
 
 
