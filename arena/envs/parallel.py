@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
@@ -31,7 +32,7 @@ def parallel_env(
     return ParallelCapture(ruleset, agents, reward, render_mode, frame, layout)
 
 
-class ParallelCapture(ParallelEnv):  # type: ignore[misc]
+class ParallelCapture(ParallelEnv, EzPickle):  # type: ignore[misc]
     """Capture the flag, both teams played by the caller.
 
     Parameters
@@ -45,7 +46,7 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
     Notes
     -----
     The tick limit is a rule of the game, after which the score decides, and the tick is observed: a match that reaches it is
-    terminated, never truncated.
+    terminated, never truncated. A copy, pickled or deep, is a new environment made with the same arguments.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"name": "capture_the_flag_v0", "render_modes": list(RENDER_MODES), "render_fps": 10}
@@ -53,6 +54,7 @@ class ParallelCapture(ParallelEnv):  # type: ignore[misc]
     def __init__(
         self, ruleset: Ruleset | str, agents: str, reward: str, render_mode: str | None, frame: str, layout: str
     ) -> None:
+        EzPickle.__init__(self, ruleset, agents, reward, render_mode, frame, layout)
         if agents not in AGENTS:
             raise UnknownNameError("kind of agents", agents, AGENTS)
         self._episodes = Episodes(ruleset, reward, render_mode, frame, layout)

@@ -6,6 +6,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from arena.envs.episodes import RENDER_MODES, Episodes, read_orders
@@ -19,7 +20,7 @@ from arena.policy import BatchFactory
 TEAMS = tuple(team.name.lower() for team in Team)
 
 
-class SingleCapture(gymnasium.Env[Shown, NDArray[Any]]):
+class SingleCapture(gymnasium.Env[Shown, NDArray[Any]], EzPickle):
     """Capture the flag against a fighter.
 
     Parameters
@@ -34,7 +35,7 @@ class SingleCapture(gymnasium.Env[Shown, NDArray[Any]]):
     Notes
     -----
     The tick limit is a rule of the game, after which the score decides, and the tick is observed: a match that reaches it is
-    terminated, never truncated.
+    terminated, never truncated. A copy, pickled or deep, is a new environment made with the same arguments.
     """
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 10}  # noqa: RUF012  # as the base class declares it
@@ -49,6 +50,7 @@ class SingleCapture(gymnasium.Env[Shown, NDArray[Any]]):
         frame: str = "board",
         layout: str = "dict",
     ) -> None:
+        EzPickle.__init__(self, opponent, team, ruleset, reward, render_mode, frame, layout)
         self._team = read_team(team)
         self._episodes = Episodes(ruleset, reward, render_mode, frame, layout)
         self.render_mode, self._layout = render_mode, layout

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from gymnasium.utils import EzPickle
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from arena.game.types import Team
 from arena.policy import BatchFactory
 
 
-class VectorCapture(VectorEnv[Shown, NDArray[Any], NDArray[Any]]):
+class VectorCapture(VectorEnv[Shown, NDArray[Any], NDArray[Any]], EzPickle):
     """Capture the flag against a fighter, `num_envs` matches at once; the other parameters are those of `SingleCapture`.
 
     Parameters
@@ -45,6 +46,7 @@ class VectorCapture(VectorEnv[Shown, NDArray[Any], NDArray[Any]]):
         frame: str = "board",
         layout: str = "dict",
     ) -> None:
+        EzPickle.__init__(self, num_envs, opponent, team, ruleset, reward, autoreset_mode, frame, layout)
         check_reward(reward)
         check_layout(layout)
         self.num_envs, self._team, self._is_outcome = num_envs, read_team(team), reward == "outcome"

@@ -1,15 +1,17 @@
 """The environments pass the tests of those whose faces they wear, and play the very game that the referee plays."""
 
+import pickle
 import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
+from copy import deepcopy
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
+from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import VectorEnv
 from pettingzoo.test import parallel_api_test, parallel_seed_test, render_test, state_test
 from pettingzoo.utils import parallel_to_aec
@@ -278,3 +280,13 @@ def test_an_opponent_may_be_a_class() -> None:
     env.reset(seed=1)
 
     assert env.step(np.zeros(6, np.int64))[1] == 0.0
+
+
+@pytest.mark.parametrize("make", [make_single, make_vector, parallel_env])
+def test_a_copy_of_an_environment_plays_as_it_does(make: Any) -> None:
+    env = make(ruleset=SMALL, frame="own", reward="outcome")
+    env.reset(seed=1)
+    copies = [pickle.loads(pickle.dumps(env)), deepcopy(env)]
+
+    for copy in copies:
+        assert data_equivalence(copy.reset(seed=3), env.reset(seed=3), exact=True)
