@@ -1,30 +1,34 @@
-"""Read a bot from a file of its author's: a function `act(observation)`, or a class with a method `act`."""
+"""Read a bot from a file of its author's: a function `act(observation)`, a class with a method `act`, or a `BatchPolicy`."""
 
 import importlib.util
 import os
 import sys
 import traceback
+from collections.abc import Callable
 from hashlib import sha256
+from inspect import isabstract
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from arena.errors import PolicyError
 from arena.files import MOST_TEXT_BYTES, read_file
-from policies.each_seat import MakeBot, WithoutMemory
+from arena.policy import BatchPolicy
+from policies.each_seat import WithoutMemory
 
 NO_BOT = "has no bot; write a function act(observation), or a class with a method act(self, observation)"
 _CLASS_NAMES = ("Policy", "Bot")
 
 
-def load_bot(file: str) -> MakeBot:
-    """Return what makes the bot of a Python file.
+def load_bot(file: str) -> Callable[..., Any]:
+    """Return what makes the bot of a Python file, or the `BatchPolicy` that it has instead.
 
     A function `act` comes first, then a class named `Policy` or `Bot`, then the only class that defines `act`.
 
     Raises
     ------
     PolicyError
-        The file cannot be read or imported, or has no bot, or several.
+        The file cannot be read or imported, or has no bot, or several, or a `BatchPolicy` that asks to see the whole board.
     """
     module = _import(Path(file))
     act = getattr(module, "act", None)
@@ -34,16 +38,25 @@ def load_bot(file: str) -> MakeBot:
     fighters = {
         name: kind
         for name, kind in vars(module).items()
-        if isinstance(kind, type) and kind.__module__ == module.__name__ and callable(getattr(kind, "act", None))
+        if isinstance(kind, type)
+        and kind.__module__ == module.__name__
+        and callable(getattr(kind, "act", None))
+        and not isabstract(kind)
     }
-    for name in _CLASS_NAMES:
-        if name in fighters:
-            return fighters[name]
-    if len(fighters) > 1:
+    named = [name for name in _CLASS_NAMES if name in fighters] or list(fighters)
+    if not named:
+        raise PolicyError(f"{file} {NO_BOT}")
+    if len(named) > 1 and named[0] not in _CLASS_NAMES:
         raise PolicyError(f"{file} has several bots, {' and '.join(sorted(fighters))}; name the one to play Policy")
-    for fighter in fighters.values():
-        return fighter
-    raise PolicyError(f"{file} {NO_BOT}")
+    fighter = fighters[named[0]]
+    if (batch := batch_policy(fighter)) is not None and batch.is_cheat:
+        raise PolicyError(f"{file}: {named[0]} sets is_cheat, which no bot file may; leave it out")
+    return fighter
+
+
+def batch_policy(fighter: Callable[..., Any]) -> type[BatchPolicy] | None:
+    """Return what `load_bot` returned if it is a `BatchPolicy`, else None."""
+    return fighter if isinstance(fighter, type) and issubclass(fighter, BatchPolicy) else None
 
 
 def _import(path: Path) -> ModuleType:

@@ -1,7 +1,7 @@
 """Play a bot, which thinks about one seat at a time, wherever a `BatchPolicy` is wanted."""
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,7 @@ MakeBot = Callable[[], Any]
 """Makes a bot for one seat of one match: anything with `act`, and if it likes `start` and `end`."""
 UNREADABLE = -1
 """Written into all orders of a seat that gave none: its units stay, and the referee counts it."""
-_OURS = {__file__, arena.policy.__file__}
-stacks.OURS |= _OURS
+stacks.OURS |= {__file__, arena.policy.__file__}
 _MOST_FRAMES, _MOST_LETTERS, _MOST_WORDS_LETTERS = 20, 4000, 200
 
 
@@ -108,21 +107,34 @@ class EachSeat(BatchPolicy):
 
     def _call(self, seat: int, method: Callable[..., Any], *arguments: Any, tick: int = START) -> Any:
         """Return what a method of a bot returns, or None with the fault noted."""
-        current.begin(self._places[seat], tick)
-        try:
-            return method(*arguments)
-        except KeyboardInterrupt as error:
-            stacks.add_stack(error)
-            raise
-        except BaseException as error:  # noqa: BLE001 - a stranger's code may raise anything
-            faults = self._faults[seat]
-            faults.raised += 1
-            faults.note(*describe_error(error, tick))
-            if faults.first_traceback is None:
-                faults.first_traceback = _bots_own(error)
-            return None
-        finally:
-            current.end()
+        return call_bot(self._places[seat], [(self._faults[seat], tick)], method, *arguments)
+
+
+def call_bot(place: Place, faults: Sequence[tuple[Faults, int]], method: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a method of a bot returns, or None with the fault noted.
+
+    Parameters
+    ----------
+    place
+        Of the first seat that is meant.
+    faults
+        Those of each seat that is meant, and at which tick it is.
+    """
+    current.begin(place, faults[0][1] if faults else START)
+    try:
+        return method(*arguments)
+    except KeyboardInterrupt as error:
+        stacks.add_stack(error)
+        raise
+    except BaseException as error:  # noqa: BLE001 - a stranger's code may raise anything
+        for one, tick in faults:
+            one.raised += 1
+            one.note(*describe_error(error, tick))
+            if one.first_traceback is None:
+                one.first_traceback = _bots_own(error)
+        return None
+    finally:
+        current.end()
 
 
 class WithoutMemory:
@@ -161,7 +173,7 @@ def _bots_own(error: BaseException) -> str:
     if isinstance(error, BotError):
         return str(error)
     frames = error.__traceback__
-    while frames is not None and frames.tb_frame.f_code.co_filename in _OURS:
+    while frames is not None and frames.tb_frame.f_code.co_filename in stacks.OURS:
         frames = frames.tb_next
     text = "".join(traceback.format_exception(type(error), error, frames, limit=-_MOST_FRAMES))
     return text if len(text) <= _MOST_LETTERS else text[: _MOST_LETTERS // 2] + "\n...\n" + text[-_MOST_LETTERS // 2 :]

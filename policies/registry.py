@@ -15,7 +15,8 @@ from typing import Any
 from arena.errors import PolicyError, UnknownNameError
 from arena.extras import needs
 from arena.policy import BatchFactory, BatchPolicy
-from policies.bot_file import load_bot
+from policies.batch_bot import GuardedBatchFactory
+from policies.bot_file import batch_policy, load_bot
 from policies.each_seat import EachSeatFactory, WithoutMemory
 from policies.program import PREFIX, load_program
 
@@ -71,7 +72,9 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
     if spec.startswith(PREFIX):
         return EachSeatFactory(load_program(spec.removeprefix(PREFIX)))
     if spec.endswith(".py"):
-        return EachSeatFactory(load_bot(spec))
+        bot = load_bot(spec)
+        batch = batch_policy(bot)
+        return EachSeatFactory(bot) if batch is None else GuardedBatchFactory(batch)
     if (base := without_settings(spec)) != spec:
         return _with_settings(base, spec.removeprefix(f"{base}:"))
     if spec in REFERENCES and not cheats:

@@ -19,8 +19,8 @@ from arena.display.words import name_order, name_unit
 from arena.errors import ArenaError, InputError
 from arena.policy import BatchPolicy, Faults, MatchInfo, explain_refusal, read_actions
 from arena.records.journal import Mark
-from policies.bot_file import load_bot
-from policies.each_seat import describe_error
+from policies.bot_file import batch_policy, load_bot
+from policies.each_seat import MakeBot, describe_error
 from policies.program import PREFIX
 from policies.registry import load
 from tournaments.authoring.recorded_seat import RecordedSeat, Turn
@@ -69,9 +69,9 @@ class _Fighter:
 class _PythonBot:
     """A bot file, in this process, whose errors are raised."""
 
-    def __init__(self, spec: str, seat: RecordedSeat) -> None:
+    def __init__(self, make: MakeBot, seat: RecordedSeat) -> None:
         self._seat = seat
-        self._bot: Any = load_bot(spec)()
+        self._bot: Any = make()
         if hasattr(self._bot, "start"):
             self._bot.start(MatchInfo(ruleset=seat.ruleset, team=seat.team))
 
@@ -115,7 +115,8 @@ def debug(seat: RecordedSeat, spec: str, tick: int | None) -> bool:
     say(f"{seat.title}: {seat.n_turns} ticks{'' if seat.is_whole else _CUT_SHORT}")
     with _interrupts_as_before():
         try:
-            fighter = (_PythonBot if is_bot_file else _Fighter)(spec, seat)
+            make = load_bot(spec) if is_bot_file else None
+            fighter = _Fighter(spec, seat) if make is None or batch_policy(make) else _PythonBot(make, seat)
         except ArenaError:
             raise
         except KeyboardInterrupt:
