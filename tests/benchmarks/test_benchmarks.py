@@ -18,7 +18,7 @@ import benchmarks.policies
 from arena.errors import InputError
 from arena.game.observation import Observations
 from arena.local import venue as local
-from benchmarks import kernel, planner
+from benchmarks import envs, kernel, planner
 from benchmarks.measuring import rates as measure
 from benchmarks.measuring import turns
 from policies.heuristics.random import Random
@@ -212,3 +212,10 @@ def test_an_option_is_told_to_those_who_take_it(
         assert json.loads(capsys.readouterr().out) == {"one": {option: told}, "quick": {"ran": True}}
     with pytest.raises(InputError, match=rf"--{option.replace('_', '-')} is for benchmarks .*; quick do not"):
         bench.bench(["quick"], **{option: 1.0})  # type: ignore[arg-type]  # as above
+
+
+def test_every_form_of_the_environments_has_its_rate() -> None:
+    results = envs.run(lambda _: None)
+
+    assert [name.removesuffix("_steps_per_s") for name in results] == ["single", "parallel_teams", "parallel_units", "vector_256"]
+    assert is_positive(results)

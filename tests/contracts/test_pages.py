@@ -115,7 +115,7 @@ def test_every_line_that_is_not_run_is_still_there() -> None:
 def test_an_extra_that_is_installed_exists() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     named = [
-        name for page in PAGES.values() for found in re.findall(r"arena-pit\[([a-z,]+)\]", page) for name in found.split(",")
+        name for page in PAGES.values() for found in re.findall(r"arena-pit\[([a-z0-9,]+)\]", page) for name in found.split(",")
     ]
 
     assert named
