@@ -1,9 +1,7 @@
 """A trained network in a seat: loads a checkpoint, and plays as many seats at once as it is given."""
 
 import os
-from copy import deepcopy
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -22,6 +20,7 @@ from policies.networks.checkpoint import Checkpoint, load_checkpoint
 from policies.networks.features import Encoded, Encoder
 from policies.networks.first_person import FirstPerson
 from policies.networks.models import Net, PaperTeam, TeamNetwork, channels_last
+from policies.networks.precision import precision_of, to_act_in
 
 CHUNK = 128
 """Seats in one pass: as many as keep what lies between the layers in the cores' own memory."""
@@ -35,15 +34,8 @@ def limit_threads() -> None:
     torch.set_num_threads(int(given) if given.isdigit() and int(given) > 0 else 1)
 
 
-@cache
-def has_fast_bf16() -> bool:
-    """Whether the processor multiplies bf16 faster than fp32."""
-    return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())
-
-
-def as_bf16(network: Net) -> Net:
-    """Return a copy that computes in bf16, its convolutions laid out with the channels last."""
-    return channels_last(deepcopy(network).to(torch.bfloat16))
+def _to_act_in_seats(network: Net, n_seats: int) -> Net:
+    return to_act_in(network, precision_of("cpu")) if n_seats >= _SMALLEST_BF16 else network
 
 
 @jit()
@@ -93,7 +85,7 @@ class LearnedTeam(BatchPolicy):
     def use(self, network: TeamNetwork) -> None:
         """Play with another network from now on."""
         self._network = channels_last(network.eval())
-        self._fast = as_bf16(network) if has_fast_bf16() and self.n_seats >= _SMALLEST_BF16 else self._network
+        self._fast = _to_act_in_seats(self._network, self.n_seats)
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Forget what was seen there."""
@@ -131,7 +123,7 @@ class LearnedUnits(BatchPolicy):
     def use(self, network: PaperTeam) -> None:
         """Play with another network from now on."""
         self._network = channels_last(network.eval())
-        self._fast = as_bf16(network) if has_fast_bf16() and self.n_seats >= _SMALLEST_BF16 else self._network
+        self._fast = _to_act_in_seats(self._network, self.n_seats)
 
     def act(self, observations: Observations, orders: Orders) -> None:
         """Cut the views, and draw from what the network gives; a step that it cannot take is staying."""

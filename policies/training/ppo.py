@@ -13,6 +13,7 @@ from torch import Tensor
 
 from policies.networks.learned import CHUNK
 from policies.networks.models import Critic, TeamNetwork, channels_last
+from policies.networks.precision import autocast, precision_of, to_act_in
 from policies.training.gradients import bound_gradients
 from policies.training.parallel import Processes
 from policies.training.ppo_settings import PpoSettings
@@ -88,16 +89,21 @@ class Learner:
         self.network = channels_last(network)
         self.critic = channels_last(critic)
         self.settings, self.processes = settings, processes
+        self.precision = precision_of("cpu")
         self.scale = ValueScale()
         self.average = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
         """Running average of the weights: what is played and saved."""
         self.parameters = [*network.parameters(), *critic.parameters()]
         self.optimiser = torch.optim.Adam(self.parameters, lr=settings.rate, eps=1e-5)
 
+    def to_act(self) -> TeamNetwork:
+        """Return the network as it stands, to act with until the next step."""
+        return to_act_in(self.network, self.precision)
+
     def values(self, experience: Experience) -> Tensor:
         """Return the critic's values of a rollout, float32, shape (t + 1, s)."""
         n_ticks = len(experience.reward)
-        with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16):
+        with torch.inference_mode(), autocast("cpu", self.precision):
             rows = []
             for tick in range(n_ticks + 1):
                 planes, scalars = experience.last if tick == n_ticks else (experience.planes[tick], experience.scalars[tick])
@@ -166,7 +172,7 @@ class Learner:
 
     def _loss(self, chunk: list[Tensor], n_walkers: int, schedule: Schedule) -> tuple[Tensor, Tensor]:
         planes, truth, scalars, cell, alive, legal, actions, old_logp, advantage, target = chunk
-        with torch.autocast("cpu", torch.bfloat16):
+        with autocast("cpu", self.precision):
             value = self.critic(planes, truth, scalars)
             value_loss = (value - target).square().mean()
             if schedule.is_critic_only:

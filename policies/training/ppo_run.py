@@ -21,7 +21,6 @@ from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
-from policies.networks.learned import as_bf16
 from policies.networks.models import Critic, TeamNetwork, TeamShape
 from policies.training.budget import Budget
 from policies.training.clone import Teacher, clone
@@ -184,7 +183,7 @@ class PpoRun:
         rules, results, start_s = self._rules_now(), Results(), time.monotonic()
         seats = self._seats[rules]
         now = schedule(self.settings, self._ppo_progress(), self.counts.rollouts)
-        experience = collect(seats, as_bf16(self.learner.network), self.settings.horizon, results)
+        experience = collect(seats, self.learner.to_act(), self.settings.horizon, results)
         played_s = time.monotonic() - start_s
         metrics = self.learner.learn(experience, seats.n_walkers, now, self._generator)
         metrics |= {"rate": now.rate, "played_share": played_s / (time.monotonic() - start_s)}
