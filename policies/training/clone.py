@@ -102,7 +102,7 @@ def learn_lesson(learner: Learner, lesson: Lesson, n_walkers: int, rate: float, 
     """Go through a lesson once; return the mean cross entropy, and how often the learner's likeliest action is the script's."""
     for group in learner.optimiser.param_groups:
         group["lr"] = rate
-    sums = torch.zeros(2)
+    sums, norm = torch.zeros(2), 0.0
     n_steps = 0
     for rows in learner.minibatches(len(lesson.labels), learner.settings.clone_minibatch, generator):
         learner.optimiser.zero_grad(set_to_none=True)
@@ -117,10 +117,10 @@ def learn_lesson(learner: Learner, lesson: Lesson, n_walkers: int, rate: float, 
             is_known = labels != _NO_LABEL
             agreed = ((logits.argmax(-1) == labels) & is_known).sum() / is_known.sum().clamp_min(1)
             sums += torch.stack([loss.detach(), agreed]) * share
-        learner.step()
+        norm += learner.step()["actor_norm"]
         n_steps += 1
     loss, agreed = (learner.processes.mean(sums) / n_steps).tolist()
-    return {"clone_loss": loss, "agreed": agreed}
+    return {"clone_loss": loss, "agreed": agreed, "actor_norm": norm / n_steps}
 
 
 def clone(

@@ -20,7 +20,7 @@ from policies.training.ppo_settings import PpoSettings
 from policies.training.rollout import Experience
 
 MOST_NORM = 0.5
-"""Gradients are cut to this norm."""
+"""The actor's gradients are cut to this norm, and so are the critic's: neither takes a part of the other's step."""
 
 
 class ValueScale:
@@ -166,9 +166,9 @@ class Learner:
             share = len(chunk[0]) / n
             (loss * share).backward()  # type: ignore[no-untyped-call]
             sums += metrics * share
-        self.step()
+        norms = self.step()
         names = ("policy_loss", "value_loss", "entropy", "kl", "clipped")
-        return dict(zip(names, self.processes.mean(sums).tolist(), strict=True))
+        return dict(zip(names, self.processes.mean(sums).tolist(), strict=True)) | norms
 
     def _loss(self, chunk: list[Tensor], n_walkers: int, schedule: Schedule) -> tuple[Tensor, Tensor]:
         planes, truth, scalars, cell, alive, legal, actions, old_logp, advantage, target = chunk
@@ -194,11 +194,15 @@ class Learner:
         loss = policy_loss + 0.5 * value_loss - schedule.entropy * entropy
         return loss, torch.stack([policy_loss.detach(), value_loss.detach(), entropy.detach(), kl, clipped])
 
-    def step(self) -> None:
-        """Average the gradients over the processes, and take a step, if they are sound."""
+    def step(self) -> dict[str, float]:
+        """Average the gradients over the processes, and take a step, if they are sound; return their norms."""
         self.processes.average_gradients(self.parameters)
-        bound_gradients(self.parameters, MOST_NORM)
+        norms = {
+            "actor_norm": bound_gradients(self.network.parameters(), MOST_NORM),
+            "critic_norm": bound_gradients(self.critic.parameters(), MOST_NORM),
+        }
         self.optimiser.step()
         with torch.no_grad():
             for name, tensor in self.network.state_dict().items():
                 self.average[name].lerp_(tensor, 1 - self.settings.average)
+        return norms

@@ -34,7 +34,8 @@ from policies.training.rollout import LearnerSeats, Results, collect
 
 CLONE = "clone:"
 _LEARNING = (
-    "clone_loss", "agreed", "policy_loss", "value_loss", "entropy", "kl", "clipped", "explained", "steps", "rate", "played_share",
+    "clone_loss", "agreed", "policy_loss", "value_loss", "entropy", "kl", "clipped", "actor_norm", "critic_norm",
+    "explained", "steps", "rate", "played_share",
 )  # fmt: skip
 """Columns of the metrics about learning."""
 _WINDOW = 0.05

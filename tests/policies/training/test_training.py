@@ -326,7 +326,7 @@ processes = join_processes()
 settings = replace(SETTINGS, opponents={{"rush": 1.0}})
 def gradients(processes, first, n):
     learner = make_learner(settings)
-    learner.processes, learner.step = processes, lambda: processes.average_gradients(learner.parameters)
+    learner.processes, learner.step = processes, lambda: processes.average_gradients(learner.parameters) or {{}}
     experience = collect(make_seats(settings, first_row=first, n_rows=n), learner.network.eval(), 6, Results())
     learner.learn(experience, 4, FULL, torch.Generator().manual_seed(0))
     return torch.cat([one.grad.flatten() for one in learner.parameters if one.grad is not None])
