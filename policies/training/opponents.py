@@ -53,6 +53,11 @@ class Pool:
         """Points of the learner's last matches against the best."""
 
     @property
+    def start(self) -> dict[str, Tensor]:
+        """Weights that PPO began with, which are never dropped."""
+        return self.selves[0]
+
+    @property
     def best(self) -> dict[str, Tensor]:
         """Weights of the last self that passed the gate."""
         return self.selves[-1]

@@ -34,7 +34,7 @@ from policies.training.rollout import LearnerSeats, Results, collect
 
 CLONE = "clone:"
 _LEARNING = (
-    "clone_loss", "agreed", "policy_loss", "value_loss", "entropy", "kl", "clipped", "actor_norm", "critic_norm",
+    "clone_loss", "agreed", "policy_loss", "value_loss", "entropy", "kl", "clipped", "teacher_kl", "actor_norm", "critic_norm",
     "explained", "steps", "rate", "played_share",
 )  # fmt: skip
 """Columns of the metrics about learning."""
@@ -65,6 +65,7 @@ def schedule(settings: PpoSettings, progress: float, rollouts: int) -> Schedule:
         entropy=settings.entropy * max(1 - progress, 0.1),
         shaping=settings.shaping * max(1 - 1.5 * progress, 0.0),
         is_critic_only=rollouts < settings.critic_warmup,
+        teacher_kl=settings.teacher_kl * max(1 - progress / settings.teacher_share, 0.0),
     )
 
 
@@ -91,6 +92,8 @@ class PpoRun:
             if ruleset.side % 2 or not ruleset.team(Team.BLUE):
                 raise InputError(f"ruleset {ruleset.name}: blue has no units to train")
         self._teachers = _teachers(start, settings)
+        if settings.teacher_kl and not (start or self._teachers):
+            raise InputError("the setting teacher_kl keeps PPO near the network that it starts from; give one by --start")
         torch.manual_seed(settings.seed)
         network = TeamNetwork(TeamShape(channels=settings.channels, blocks=settings.blocks))
         if start and not start.startswith(CLONE):
@@ -112,6 +115,8 @@ class PpoRun:
         self._record = Record(self.folder, self.processes, self._report)
         if self._teachers and self.counts.cloned < self.settings.clone_samples:
             self._clone(should_stop)
+        if self.settings.teacher_kl:
+            self.learner.stay_near(self.pool.start)
         self._meet_selves()
         while not self._agree(should_stop()) and self.progress < 1:
             self._improve()

@@ -1,5 +1,6 @@
 """The settings of a run of cloning and PPO: one frozen dataclass, written into the run's folder and never changed."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -39,6 +40,10 @@ class PpoSettings:
     """An update that has moved the policy so far stops."""
     average: float = 0.99
     """Decay of the running average of the weights that is played and saved, per step of the optimiser."""
+    teacher_kl: float = 0.0
+    """Weight, at the start of PPO, of the divergence from the network that PPO started from; 0 lets it go where it wants."""
+    teacher_share: float = 0.5
+    """Share of PPO's part of the run in which that weight falls to nothing, along a line."""
     critic_warmup: int = 4
     """Rollouts in which only the critic learns."""
     clone_samples: int = 400_000
@@ -71,6 +76,10 @@ class PpoSettings:
         for name, least in low.items():
             if getattr(self, name) < least:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least {least}")
+        if not 0 <= self.teacher_kl < math.inf:
+            raise InputError(f"the setting teacher_kl is {self.teacher_kl}; it must be a number from 0 on")
+        if not 0 < self.teacher_share <= 1:
+            raise InputError(f"the setting teacher_share is {self.teacher_share}; it must be above 0 and at most 1")
         if not self.opponents or min(self.opponents.values()) < 0 or sum(self.opponents.values()) <= 0:
             raise InputError("the setting opponents must give each a share, and one of them more than 0")
         if strangers := set(self.teachers) - set(self.shares()):

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from small import FULL, PAPER, SETTINGS, SMALL, make_learner, make_seats
+from small import FULL, PAPER, SETTINGS, SMALL, advantageous, make_learner, make_seats
 
 from arena.envs.batched import BatchedEnv
 from arena.errors import InputError, UnknownNameError
@@ -30,7 +30,7 @@ from policies.training.parallel import Processes
 from policies.training.ppo import estimate
 from policies.training.ppo_run import PpoRun
 from policies.training.ppo_settings import PpoSettings, from_dict
-from policies.training.rollout import Experience, LearnerSeats, Results, collect
+from policies.training.rollout import LearnerSeats, Results, collect
 
 
 def test_rows_get_opponents_by_their_shares_however_many_processes_there_are() -> None:
@@ -86,12 +86,6 @@ def test_both_sides_of_self_play_earn_opposite_rewards() -> None:
     assert experience.has_ended.any()
     assert experience.reward.abs().sum() > 0
     assert not experience.reward[~experience.has_ended].any()
-
-
-def advantageous(experience: Experience, action: int) -> Experience:
-    """Return a rollout in which every unit's `action` pays at once, and the match is over."""
-    reward = (experience.actions == action).float().mean(-1)
-    return replace(experience, reward=reward, has_ended=torch.ones_like(experience.has_ended))
 
 
 def test_ppo_learns_what_pays() -> None:
