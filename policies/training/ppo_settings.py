@@ -66,6 +66,9 @@ class PpoSettings:
     )
     """Share of the rows for each: `self` learns on both sides, `best` is the last self that passed the gate, `past` one of those
     before it, drawn by how often it wins; any other name is a fighter as `arena play` takes it."""
+    priority: float = 0.0
+    """Power of prioritised fictitious self-play among the scripts: those that beat the learner get more of the rows that scripts
+    have together, see `opponents.prioritise`. 0 keeps the shares; 1 or 2 is usual."""
     gate_matches: int = 200
     gate_score: float = 0.55
     """Score that the learner needs over the last `gate_matches` against `best` to take its place."""
@@ -76,8 +79,9 @@ class PpoSettings:
         for name, least in low.items():
             if getattr(self, name) < least:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least {least}")
-        if not 0 <= self.teacher_kl < math.inf:
-            raise InputError(f"the setting teacher_kl is {self.teacher_kl}; it must be a number from 0 on")
+        for name in ("teacher_kl", "priority"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be a number from 0 on")
         if not 0 < self.teacher_share <= 1:
             raise InputError(f"the setting teacher_share is {self.teacher_share}; it must be above 0 and at most 1")
         if not self.opponents or min(self.opponents.values()) < 0 or sum(self.opponents.values()) <= 0:

@@ -1,4 +1,4 @@
-"""What a step of PPO is made of: gradients that are cut apart, and a pull to the teacher."""
+"""What a step of PPO is made of: gradients that are cut apart, and a pull to the teacher; and whom it meets."""
 
 import csv
 from collections.abc import Callable
@@ -13,8 +13,10 @@ from torch import nn
 from arena.errors import InputError
 from arena.game.types import Action
 from policies.networks.checkpoint import load_checkpoint
+from policies.training import ppo_run
 from policies.training.budget import Budget
 from policies.training.folder import METRICS, START, RunFolder
+from policies.training.opponents import prioritise
 from policies.training.parallel import Processes
 from policies.training.ppo import MOST_NORM, Learner
 from policies.training.ppo_run import PpoRun, schedule
@@ -119,3 +121,36 @@ def test_a_run_that_goes_on_keeps_the_teacher_that_it_was_cloned_from(tmp_path: 
     with (folder.path / METRICS).open(encoding="utf-8", newline="") as file:
         told = [row["teacher_kl"] for row in csv.DictReader(file) if row["stage"] == "ppo"]
     assert any(float(one) > 0 for one in told[1:] if one)
+
+
+def test_scripts_that_win_are_met_more_often_and_selves_as_before() -> None:
+    shares = {"self": 0.3, "best": 0.1, "rush": 0.4, "random": 0.2}
+
+    met = prioritise(shares, {"rush": 0.9, "random": 0.1, "self": 0.5, "best": 0.2}, 2.0)
+
+    assert sum(met.values()) == pytest.approx(1)
+    assert (met["self"], met["best"]) == (0.3, 0.1)
+    assert met["random"] > 0.5 > 0.1 > met["rush"] > 0.02
+    assert prioritise(shares, {"rush": 0.9}, 0.0) == pytest.approx(shares)
+    assert prioritise(shares, {}, 2.0) == pytest.approx(shares)
+
+
+@pytest.mark.parametrize("priority", [0.0, 2.0])
+def test_a_run_with_priorities_seats_scripts_anew_by_how_they_fare(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, priority: float
+) -> None:
+    monkeypatch.setattr(ppo_run, "RESEAT_EVERY", 1)
+    settings = replace(SETTINGS, opponents={"self": 0.5, "rush": 0.25, "random": 0.25}, priority=priority)
+    folder = RunFolder(tmp_path / "run")
+    folder.create({})
+    run = PpoRun(folder, settings, "", Budget(samples=150), Processes(), lambda *_: None)
+
+    def say_how_they_fare() -> bool:
+        run.scores |= {"rush": 1.0, "random": 0.0}
+        return False
+
+    run.train(say_how_they_fare)
+    rows = {name: len(mine) for name, mine in run.seats["paper"].opponents.rows.items()}
+
+    assert rows == ({"random": 4} if priority else {"rush": 2, "random": 2})
+    assert len(run.seats["paper"].opponents.self_rows) == 4
