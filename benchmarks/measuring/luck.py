@@ -47,7 +47,7 @@ def play_again(ruleset: Ruleset, fighter: str, opponent: str, n_maps: int, n_rep
 
 
 def share_of_map(points: Floats) -> float:
-    """Return which share of a match's variance lies between sides of maps: 1 if all replays end alike, 0 if only chance counts."""
+    """Return which share of a match's variance lies between sides of maps: 1 if all replays end alike, 0 if chance decides."""
     within = float(points.var(axis=1, ddof=1).mean())
     between = max(float(points.mean(axis=1).var(ddof=1)) - within / points.shape[1], 0.0)
     return between / (between + within) if between + within > 0 else 0.0
