@@ -62,27 +62,36 @@ class Effort(NamedTuple):
     """In which the winner is, and the best plan against the blueprint."""
     n_kept: int = 3
     """How many go on from few worlds to more."""
-    hold: int = 30
+    hold: int = 40
     """Ticks for which a plan is held in a playout."""
-    horizon: int = 50
+    horizon: int = 60
     """Ticks of a playout."""
     is_better: float = 0.5
     """By how many standard errors a plan must lead to take the place of the best."""
-    is_sure: float = 1.0
+    is_sure: float = 0.5
     """By how many the best must lead to take the place of the blueprint."""
 
+    mutates: int = 48
+    """One world in so many takes another model of the enemy at each tick: opponents change their minds."""
+
     tries_steps: bool = True
-    """Whether other first steps of a unit are tried, as the two that follow; all are there to be left out, and measured."""
+    """Whether other first steps of a unit are tried, as the two that follow. All from here on are there to be measured."""
     tries_roles: bool = True
     tries_goals: bool = True
     filters: bool = True
     """Whether worlds go on from tick to tick; else they are drawn anew, from the tracks alone."""
+    shares_chance: bool = True
+    """Whether plans are tried by the same chance."""
+    sees_all: bool = False
+    """Whether the own team sees all of a playout; else what its units see there."""
+    checks: bool = True
+    """Whether the best plan and the blueprint are tried at last by a chance for which neither was chosen."""
 
     @classmethod
     def of(cls, budget: int) -> "Effort":
         """Return how a budget of playouts is spent: worlds and plans grow with it alike."""
-        few = min(max(budget // 40, 2), 12)
-        return cls(budget=budget, few=few, more=3 * few, most=min(max(budget // 5, 8 * few), 16 * few))
+        few = min(max(budget // 20, 2), 12)
+        return cls(budget=budget, few=few, more=3 * few, most=min(max(budget // 5, 16), 16 * few))
 
     def within(self, n_worlds: int) -> "Effort":
         """Return the same for no more worlds than there are."""
@@ -150,6 +159,8 @@ def try_plan(plan: int, n: int, me: int, plans: Plans, bench: Bench, effort: Eff
     """Try a plan in the first n worlds, those apart in which it was; return how many playouts that took."""
     before, n_worlds = int(plans.n_tried[plan]), bench.now.role.shape[0]
     row = int(np.int64(plan))  # a constant row, as `BEST` is, would have playouts compiled anew for it
+    if not effort.shares_chance:
+        seed = mix(seed + np.uint64(plan))
     for k in range(before, n):
         plans.value[plan, k] = play_out(k * _STRIDE % n_worlds, me, row, plans, bench, seed, effort.horizon, effort.hold)
     plans.n_tried[plan] = max(n, before)

@@ -36,6 +36,8 @@ class Desk(NamedTuple):
     """Shape (2 teams, 16, 4): the cells where each unit looks, by turns, for a flag that its team does not know."""
     place: NDArray[np.int64]
     """Shape (cells,): the place of each cell."""
+    shown: NDArray[np.int64]
+    """Shape (2 teams,): 1 where a team sees everything, as without fog."""
     gone: NDArray[np.int64]
     """Shape (2 teams,): the place of the fallen, from which everything is far."""
     near: NDArray[np.int8]
@@ -101,7 +103,8 @@ def make_desk(ruleset: Ruleset) -> Desk:
 
     return Desk(
         ahead=zeros(2), lane=zeros(2, MAX_UNITS), search=zeros(2, MAX_UNITS, N_SEARCHES),
-        place=cells + cells // side * side, gone=np.array([4, -4], np.int64) * side * side, near=near.reshape(-1),
+        place=cells + cells // side * side, shown=np.full(2, int(not ruleset.fog), np.int64),
+        gone=np.array([4, -4], np.int64) * side * side, near=near.reshape(-1),
         own=tables.unit[:, Trait.TYPE] * near[:1].size + 8 * side * side, strength=tables.unit[:, Trait.STRENGTH].copy(),
         at=zeros(len(units)), eye=zeros(len(units)), then=zeros(len(units)), aim=np.zeros(len(units), np.uint16),
         taken=np.zeros(side * side + 1, np.int8), target=np.zeros(len(units), np.uint16), life=np.zeros(len(units)),
@@ -143,14 +146,14 @@ def look(world: int, team: int, worlds: Worlds, tables: Tables, desk: Desk) -> i
     state = worlds.state
     first, _, last = units_of(team, tables)
     foe, after_foes, _ = units_of(1 - team, tables)
-    is_open = int(tables.rule[Rule.FOG] == 0)
+    is_shown = int(desk.shown[team])
     if not worlds.knows[world, team]:
         flag = as_index(state.field[world, StateField.RED_FLAG - team])
-        worlds.knows[world, team] = is_open | sees(first, last, desk.place[flag], desk)
+        worlds.knows[world, team] = is_shown | sees(first, last, desk.place[flag], desk)
     found = 0
     for number in range(foe, after_foes):
         enemy = as_index(number)
-        if state.alive[world, enemy] and is_open | sees(first, last, desk.at[enemy], desk):
+        if state.alive[world, enemy] and is_shown | sees(first, last, desk.at[enemy], desk):
             desk.seen[found] = enemy
             found += 1
             if is_home(state.ground[world, as_index(state.cell[world, enemy])], team):

@@ -98,8 +98,9 @@ class Mind:
         if is_drawn:
             for line in self.benches:
                 set_posts(line.desk, self._ruleset, self._team, int(belief.forward[0]))
+                line.desk.shown[me] |= effort.sees_all
             begin(me, belief, bench, seed ^ _FOLLOW)
-        follow(me, sight, belief, last_orders, is_drawn, bench, self._weights, seed ^ _FOLLOW)
+        follow(me, sight, belief, last_orders, is_drawn, effort.mutates, bench, self._weights, seed ^ _FOLLOW)
         self._write_blueprint()
         if is_first:
             copy_plan(BLUEPRINT, plans, LAST, plans)
@@ -123,7 +124,7 @@ class Mind:
     def _climb(self, effort: Effort, pool: ThreadPoolExecutor | None, seed: np.uint64) -> None:
         """Leave the best plan of all lines of thought in the first."""
         me, n_lines = int(self._team), len(self.benches)
-        share = effort._replace(budget=effort.budget // n_lines)
+        share, checks = effort._replace(budget=effort.budget // n_lines), seed ^ (_CHECK if effort.checks else _CHANCE)
         for plans in self.plans[1:]:
             for plan in (BLUEPRINT, LAST):
                 copy_plan(plan, self.plans[0], plan, plans)
@@ -131,9 +132,9 @@ class Mind:
         def think(line: int) -> None:
             plans, bench = self.plans[line], self.benches[line]
             climb(me, plans, bench, share, seed ^ _CHANCE, seed ^ _CLIMB ^ np.uint64(line))
-            check(BEST, me, plans, bench, effort, seed ^ _CHECK)
+            check(BEST, me, plans, bench, effort, checks)
             if line == 0:
-                check(BLUEPRINT, me, plans, bench, effort, seed ^ _CHECK)
+                check(BLUEPRINT, me, plans, bench, effort, checks)
 
         list((pool.map if pool else map)(think, range(n_lines)))
         best = max(range(n_lines), key=lambda line: mean_of(BEST, effort.most, self.plans[line]))

@@ -33,8 +33,6 @@ _FELL_NEAR, _FELL_FAR, _FELL_NOWHERE = 1.0, 0.5, 0.2
 """And for one that fell: near an own unit on foot, farther off, and where none was."""
 _NEAR, _FAR = 9, 25
 """What is near, as squared distances."""
-_MUTATES = 48
-"""One world in so many takes another model at each tick: opponents change their minds."""
 _TRIES = 64
 
 
@@ -88,6 +86,7 @@ def follow(
     belief: Belief,
     last_orders: NDArray[np.int8],
     is_first: bool,
+    mutates: int,
     bench: Bench,
     weights: Weights,
     seed: np.uint64,
@@ -102,6 +101,8 @@ def follow(
         int8, shape (own units,): those that the seat gave at the tick before.
     is_first
         Whether the worlds were drawn just now.
+    mutates
+        One world in so many takes another model.
     seed
         Of this tick.
     """
@@ -132,7 +133,7 @@ def follow(
                 word = mix(salt + np.uint64(1 + 2 * purpose + team))
                 state.key[world, purpose, team, 0] = np.uint32(word & np.uint64(0xFFFFFFFF))
                 state.key[world, purpose, team, 1] = np.uint32(word >> np.uint64(32))
-    _resample(me, bench, weights, seed)
+    _resample(me, mutates, bench, weights, seed)
 
 
 @jit(inline=True)
@@ -275,7 +276,7 @@ def _elsewhere(cell: int, walks: bool, belief: Belief, tables: Tables, word: np.
 
 
 @jit()
-def _resample(me: int, bench: Bench, weights: Weights, seed: np.uint64) -> None:
+def _resample(me: int, mutates: int, bench: Bench, weights: Weights, seed: np.uint64) -> None:
     """Give the room of unlikely worlds to likely ones, at even steps; and let a few take another model."""
     now, then, likely, n = bench.now, bench.then, weights.likely, weights.likely.shape[0]
     total, least, most = 0.0, likely[0], likely[0]
@@ -295,5 +296,5 @@ def _resample(me: int, bench: Bench, weights: Weights, seed: np.uint64) -> None:
             copy_world(weights.source[world], then, world, now)
     for world in range(n):
         word = mix(seed + np.uint64(1 + world))
-        if choose(word, _MUTATES) == 0:
+        if choose(word, mutates) == 0:
             now.model[world, 1 - me] = choose(mix(word), bench.rows.shape[0])

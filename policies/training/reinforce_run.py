@@ -18,7 +18,6 @@ from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from arena.policy import BatchPolicy
 from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
-from policies.networks.learned import as_bf16
 from policies.networks.models import PaperTeam
 from policies.registry import load
 from policies.training.budget import Budget
@@ -148,8 +147,7 @@ class ReinforceRun:
     def _round(self) -> None:
         """Play as many matches as an update needs, and update."""
         learner = self.learner
-        network = as_bf16(learner.network) if learner.is_bf16 else learner.network
-        samples, outcome = self._rounds.play_round(network, self.counts.step)
+        samples, outcome = self._rounds.play_round(learner.to_act(), self.counts.step)
         learner.replay.add(samples)
         metrics = learner.update(self.counts.step, self._rng)
         self._note(len(samples.unit), outcome, metrics)
