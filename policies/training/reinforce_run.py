@@ -15,7 +15,7 @@ import torch
 from arena.envs.batched import BatchedEnv
 from arena.errors import InputError
 from arena.game.ruleset import load as load_rules
-from arena.game.types import Team
+from arena.game.types import Code, Team
 from arena.policy import BatchPolicy
 from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
 from policies.networks.learned import as_bf16
@@ -81,7 +81,7 @@ class ReinforceRun:
         if settings.update_every < processes.n:
             raise InputError(f"update_every is {settings.update_every}; {processes.n} processes need a match each")
         torch.manual_seed(settings.seed)
-        network = PaperTeam(settings.window, settings.agents(n_units), settings.planes)
+        network = PaperTeam(settings.window, settings.agents(n_units), settings.planes, settings.edge_code)
         if start:
             _transfer(Path(start), self.ruleset.name, network)
         self.learner = Reinforcer(network, settings, processes, device)
@@ -194,9 +194,11 @@ def _transfer(path: Path, rules: str, network: PaperTeam) -> None:
     if not isinstance(before, PaperTeam):
         raise InputError(f"cannot start from {path}: it holds a {checkpoint.manifest.network} network, not one of the paper's")
     check_start(path, checkpoint.manifest, load_rules(rules))
-    for name in ("window", "planes"):
+    for name in ("window", "planes", "edge"):
         found, wanted = getattr(before, name), getattr(network, name)
         if found != wanted:
+            if name == "edge":
+                found, wanted = (Code(one).name.lower() for one in (found, wanted))
             raise InputError(f"cannot start from {path}: its {name} is {found}, and the settings ask for {wanted}")
     for index, member in enumerate(network.members):
         member.load_state_dict(before.members[index % before.agents].state_dict())

@@ -7,8 +7,9 @@ from typing import Any
 from arena.errors import InputError
 from arena.game.ruleset import parse_overrides
 from arena.game.types import Code
-from policies.networks.checkpoint import MOST_AGENTS
+from policies.networks.checkpoint import MOST_AGENTS, MOST_WINDOW
 from policies.networks.first_person import WINDOW
+from policies.networks.models import SIGNED_PLANES
 from policies.training.settings import read_values
 
 SELF = "self"
@@ -17,7 +18,8 @@ READINGS = {
     "reward": ("terminal", "stream", "differences"),
     "baseline": ("none", "mean"),
     "optimiser": ("adam", "ascent"),
-    "codes": ("raw", "planes"),
+    "codes": ("raw", "planes", "signed"),
+    "edge": ("hidden", "obstacle"),
 }
 """The switches that are words, and the words that each takes; the first is the default."""
 
@@ -48,7 +50,10 @@ class ReinforceSettings:
     """Whether returns are divided by their standard deviation in the batch."""
     optimiser: str = "adam"
     codes: str = "raw"
-    """How the board is shown: as one plane of raw codes, which is the paper's way, or as a plane for each code."""
+    """How the board is shown: as one plane of raw codes, which is the paper's way, as a plane for each code, or as six planes in
+    which own is 1 and the enemy's is -1."""
+    edge: str = "hidden"
+    """What cells off the board look like."""
     entropy: float = 0.0
     """Weight of the policy's entropy; the paper has none."""
     opponent: str = SELF
@@ -65,6 +70,8 @@ class ReinforceSettings:
         for name, least in {"update_every": 1, "buffer": 1, "batch": 2, "updates": 1, "window": 7}.items():
             if getattr(self, name) < least:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least {least}")
+        if self.window > MOST_WINDOW:
+            raise InputError(f"the setting window is {self.window}; it must be at most {MOST_WINDOW}")
         for name, most in {"gamma": 1.0, "rate": 1.0}.items():
             if not 0 < getattr(self, name) <= most:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be above 0, and {most:g} at most")
@@ -79,7 +86,12 @@ class ReinforceSettings:
     @property
     def planes(self) -> int:
         """Planes of a unit's view, as `networks.PaperNetwork` has them."""
-        return len(Code) if self.codes == "planes" else 1
+        return {"raw": 1, "planes": len(Code), "signed": len(SIGNED_PLANES)}[self.codes]
+
+    @property
+    def edge_code(self) -> Code:
+        """What cells off the board show."""
+        return Code[self.edge.upper()]
 
     def agents(self, n_units: int) -> int:
         """Return how many policies a team of `n_units` has."""

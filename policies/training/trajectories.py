@@ -38,10 +38,10 @@ class Outcome:
 class _Side:
     """One team's units, when the learner plays them."""
 
-    def __init__(self, env: BatchedEnv, team: Team, window: int) -> None:
+    def __init__(self, env: BatchedEnv, team: Team, settings: ReinforceSettings) -> None:
         flies = np.array([unit.flies for unit in env.ruleset.team(team)], np.uint8)
         self.team = team
-        self._views = FirstPerson(team, env.ruleset.side, flies, env.n_games, window)
+        self._views = FirstPerson(team, env.ruleset.side, flies, env.n_games, settings.window, settings.edge_code)
         self._logits = np.zeros((env.n_games, len(flies), N_ACTIONS), np.float32)
         self._actions = np.zeros((env.n_games, len(flies)), np.int8)
         self.row, self.unit = np.zeros((2, 0), np.int64)
@@ -72,7 +72,7 @@ class RoundPlayer:
     def __init__(self, env: BatchedEnv, opponent: BatchPolicy | None, settings: ReinforceSettings) -> None:
         self.env, self.opponent, self._settings = env, opponent, settings
         played = (Team.BLUE, Team.RED) if opponent is None else (Team.BLUE,)
-        self._sides = [_Side(env, team, settings.window) for team in played]
+        self._sides = [_Side(env, team, settings) for team in played]
         self._orders = {team: np.zeros((env.n_games, len(env.ruleset.team(team))), np.int8) for team in Team}
 
     def play_round(self, network: PaperTeam, update: int) -> tuple[Samples, Outcome]:

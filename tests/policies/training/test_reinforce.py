@@ -16,7 +16,7 @@ from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from policies.networks import checkpoint
-from policies.networks.checkpoint import load_checkpoint
+from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
 from policies.networks.learned import LearnedUnits
 from policies.networks.models import PaperTeam
 from policies.registry import load
@@ -274,6 +274,31 @@ def test_a_run_goes_on_where_it_was_stopped_and_can_be_played(tmp_path: Path, ti
     assert ((orders >= 0) & (orders < 5)).all()
 
 
+@pytest.mark.parametrize("settings", [SETTINGS, replace(SETTINGS, window=9, codes="signed", edge="obstacle")])
+def test_a_seat_shows_a_network_what_it_was_trained_on(tmp_path: Path, settings: ReinforceSettings) -> None:
+    ruleset = load_rules("exp4").with_({"side": 10, "tick_limit": 3})
+    saved = tmp_path / "one.safetensors"
+    torch.manual_seed(0)
+    network = PaperTeam(settings.window, 1, settings.planes, settings.edge_code)
+    save_checkpoint(saved, network.state_dict(), describe(network, ruleset, {}))
+    player = RoundPlayer(BatchedEnv(ruleset, 2, seed=1), load("random")(ruleset, Team.RED, 2), settings)
+    trained, _ = player.play_round(network, 0)
+    played: list[torch.Tensor] = []
+
+    seat = load(str(saved))(ruleset, Team.BLUE, 2)
+    assert isinstance(seat, LearnedUnits)
+    seat._fast.members[0].first.register_forward_pre_hook(lambda _, given: played.append(given[0]))
+    env, orders = BatchedEnv(ruleset, 2, seed=1), np.zeros((2, 6), np.int8)
+    env.skip_to(np.zeros(2, np.int64))
+    seat.act(env.observe()[Team.BLUE], orders)
+    learned: list[torch.Tensor] = []
+    network.members[0].first.register_forward_pre_hook(lambda _, given: learned.append(given[0]))
+    Reinforcer(network, settings, Processes()).backward(Samples(*(one[:12] for one in trained)))
+
+    assert torch.equal(played[0], learned[0])
+    assert (trained.views[:12] == settings.edge_code).any()
+
+
 @pytest.mark.parametrize("policies", [1, 3])
 def test_an_opponent_that_is_the_learner_itself_plays_as_it_would_in_a_seat_of_its_own(policies: int) -> None:
     ruleset = load_rules("exp4").with_({"side": 14, "tick_limit": 40})
@@ -345,13 +370,16 @@ def test_a_policy_of_other_planes_is_no_start(tmp_path: Path) -> None:
     run_of(first, settings, 1).train(lambda: False)
     with pytest.raises(InputError, match="planes is 1, and the settings ask for 10"):
         run_of(tmp_path / "planes", replace(settings, codes="planes"), 1, start=str(first / LAST))
+    with pytest.raises(InputError, match="edge is hidden, and the settings ask for obstacle"):
+        run_of(tmp_path / "edge", replace(settings, edge="obstacle"), 1, start=str(first / LAST))
 
 
 @pytest.mark.parametrize(
     ("assignment", "reason"),
     [
         ("reward=final", "must be one of terminal"), ("gamma=0", "above 0"), ("batch=1", "at least 2"),
-        ("normalise=1", "true or"), ("importance=-1", "0 or more"),
+        ("normalise=1", "true or"), ("codes=signs", "raw, planes, signed"), ("edge=wall", "hidden, obstacle"),
+        ("window=65", "at most 64"), ("importance=-1", "0 or more"),
     ],
 )  # fmt: skip
 def test_settings_name_what_is_wrong(assignment: str, reason: str) -> None:
