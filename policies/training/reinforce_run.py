@@ -4,6 +4,7 @@ What was left out, and why: the replay is not saved, since it would be as large 
 anew, so that its first dozen updates draw from fewer and younger samples than they would have.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -26,7 +27,7 @@ from policies.training.curriculum import PROGRESS, check_start
 from policies.training.folder import LAST, STEP, RunFolder
 from policies.training.parallel import Processes
 from policies.training.record import Record, ReportProgress
-from policies.training.reinforce import Reinforcer
+from policies.training.reinforce import METRICS, Reinforcer
 from policies.training.reinforce_settings import SELF, ReinforceSettings
 from policies.training.trajectories import Outcome, RoundPlayer
 
@@ -146,12 +147,12 @@ class ReinforceRun:
         return load(self.settings.opponent)(self.ruleset, Team.RED, n_rows)
 
     def _round(self) -> None:
-        """Play as many matches as an update needs, and update."""
-        learner = self.learner
+        """Play as many matches as an update needs, and update; in the warm-up only play, and at random."""
+        learner, is_warmup = self.learner, self.counts.episodes < self.settings.warmup
         network = as_bf16(learner.network) if learner.is_bf16 else learner.network
-        samples, outcome = self._rounds.play_round(network, self.counts.step)
+        samples, outcome = self._rounds.play_round(None if is_warmup else network, self.counts.step)
         learner.replay.add(samples)
-        metrics = learner.update(self.counts.step, self._rng)
+        metrics = dict.fromkeys(METRICS, math.nan) if is_warmup else learner.update(self.counts.step, self._rng)
         self._note(len(samples.unit), outcome, metrics)
 
     def _note(self, n_samples: int, outcome: Outcome, metrics: Mapping[str, float]) -> None:

@@ -16,6 +16,7 @@ SELF = "self"
 READINGS = {
     "policies": ("shared", "each"),
     "reward": ("terminal", "stream", "differences"),
+    "standardise": ("none", "trajectory"),
     "baseline": ("none", "mean"),
     "optimiser": ("adam", "ascent"),
     "codes": ("raw", "planes", "signed"),
@@ -39,8 +40,14 @@ class ReinforceSettings:
     batch: int = 2_000
     updates: int = 1
     """Batches drawn, and steps taken, per update."""
+    warmup: int = 0
+    """Matches at the start in which all units act at random; they fill the replay, and no update comes before their end."""
     policies: str = "shared"
     reward: str = "terminal"
+    stall: float = 0.0
+    """Points that the last tick of a match pays besides, if it ran out of ticks."""
+    standardise: str = "none"
+    """Whether the returns of each unit in each match are given mean 0 and standard deviation 1."""
     discount_steps: bool = True
     """Whether a step counts gamma^t times, as Algorithm 1 has it and most implementations have not."""
     importance: float = 0.0
@@ -67,7 +74,7 @@ class ReinforceSettings:
         for name, words in READINGS.items():
             if getattr(self, name) not in words:
                 raise InputError(f"the setting {name} is {getattr(self, name)!r}; it must be one of {', '.join(words)}")
-        for name, least in {"update_every": 1, "buffer": 1, "batch": 2, "updates": 1, "window": 7}.items():
+        for name, least in {"update_every": 1, "buffer": 1, "batch": 2, "updates": 1, "warmup": 0, "window": 7}.items():
             if getattr(self, name) < least:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least {least}")
         if self.window > MOST_WINDOW:
@@ -75,6 +82,8 @@ class ReinforceSettings:
         for name, most in {"gamma": 1.0, "rate": 1.0}.items():
             if not 0 < getattr(self, name) <= most:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be above 0, and {most:g} at most")
+        if not -100 <= self.stall <= 100:
+            raise InputError(f"the setting stall is {self.stall}; it must be from -100 to 100, as scores are")
         for name in ("importance", "entropy"):
             if not 0 <= getattr(self, name) < float("inf"):
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be 0 or more")
