@@ -59,3 +59,18 @@ def test_views_are_the_board_around_each_unit(team: Team, side: int, window: int
                     assert (wanted != edge).sum() == (told.grid != edge).sum()
         env.step({one: rng.integers(0, 5, (6, 6)).astype(np.int8) for one in Team})
     assert turned == {0, 1}
+
+
+@pytest.mark.parametrize(("window", "units_blind", "matches_blind"), [(20, 0.67, 0.34), (21, 0.58, 0.23), (39, 0.0, 0.0)])
+def test_without_fog_a_window_as_wide_as_the_board_often_shows_no_flag(
+    window: int, units_blind: float, matches_blind: float
+) -> None:
+    ruleset = load("exp1")
+    seen = BatchedEnv(ruleset, 400, seed=3).observe()[Team.BLUE]
+
+    views = FirstPerson(Team.BLUE, ruleset.side, np.zeros(4, np.uint8), 400, window).cut(seen)
+    shows_flag = (views == Code.RED_FLAG).any((2, 3))
+
+    assert not (seen.ground[:, : ruleset.side**2] == Code.HIDDEN).any()
+    assert (~shows_flag).mean() == pytest.approx(units_blind, abs=0.06)
+    assert (~shows_flag.any(1)).mean() == pytest.approx(matches_blind, abs=0.09)
