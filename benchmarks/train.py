@@ -20,8 +20,8 @@ from arena.envs.batched import BatchedEnv
 from arena.errors import ArenaError
 from arena.game.ruleset import load as load_rules
 from benchmarks.measuring.rates import RUNS, median_rate
-from policies.networks.learned import as_bf16, has_fast_bf16
 from policies.networks.models import PaperTeam
+from policies.networks.precision import has_fast_bf16
 from policies.training.allocator import KEEP
 from policies.training.parallel import Processes
 from policies.training.reinforce import Reinforcer
@@ -115,7 +115,7 @@ def learner_of(is_bf16: bool, batch: int) -> Reinforcer:
 def trainer(is_bf16: bool, size: int) -> Callable[[], int]:
     """Return work that trains on a batch of the replay, and returns its samples."""
     learner, rng = learner_of(is_bf16, size), np.random.default_rng(0)
-    learner.replay.add(_stage(learner, 4).play_round(_playing(learner), 0)[0])
+    learner.replay.add(_stage(learner, 4).play_round(learner.to_act(), 0)[0])
     batch: Samples = learner.replay.draw(size, rng)
 
     def work() -> int:
@@ -130,9 +130,9 @@ def loop(is_bf16: bool, n_matches: int, size: int) -> tuple[float, float]:
     """Play a round and train on as many samples as it gave; return the network's share of the time, and samples per second."""
     learner, rng = learner_of(is_bf16, size), np.random.default_rng(0)
     stage = _stage(learner, n_matches)
-    stage.play_round(_playing(learner), 0)  # compiles and warms up
+    stage.play_round(learner.to_act(), 0)  # compiles and warms up
     begin = time.perf_counter()
-    clock = Clock(_playing(learner))
+    clock = Clock(learner.to_act())
     samples, _ = stage.play_round(clock, 1)
     learner.replay.add(samples)
     n_batches = max(len(samples.unit) // size, 1)
@@ -145,11 +145,6 @@ def loop(is_bf16: bool, n_matches: int, size: int) -> tuple[float, float]:
         computing_s += time.perf_counter() - before_s
     took_s = time.perf_counter() - begin
     return computing_s / took_s, len(samples.unit) / took_s
-
-
-def _playing(learner: Reinforcer) -> PaperTeam:
-    network: PaperTeam = as_bf16(learner.network) if learner.is_bf16 else learner.network
-    return network
 
 
 def _stage(learner: Reinforcer, n_matches: int) -> RoundPlayer:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from arena.errors import InputError
 from policies.program import PREFIX
+from policies.registry import split_settings
 
 _LENGTH = 32
 """Hexadecimal digits."""
@@ -26,9 +27,12 @@ def find_version(spec: str, entry: bytes) -> str:
         A file cannot be read.
     """
     digest = sha256(entry)
-    files = list(_hash_files(spec))
+    fighter, settings = split_settings(spec)
+    files = list(_hash_files(fighter))
     if spec.startswith(PREFIX) or not files:
         digest.update(sha256(spec.encode()).digest())
+    elif settings:
+        digest.update(sha256(settings.encode()).digest())
     for part in files or [version_of_package("arena-pit").encode()]:
         digest.update(part)
     return digest.hexdigest()[:_LENGTH]

@@ -52,8 +52,8 @@ def fighter_kernels(specs: Iterable[str]) -> "list[Kernel]":
 
     kernels: list[Kernel] = []
     stages: dict[str, int] = {}  # of each family's first
-    ours = (name for spec in specs for name in (shipped() if spec.endswith(CHECKPOINT) else (spec,)))
-    for spec in sorted(dict.fromkeys(map(without_settings, ours)), key=lambda spec: (_is_network(spec), spec in PLANNERS)):
+    ours = (name for spec in map(without_settings, specs) for name in (shipped() if spec.endswith(CHECKPOINT) else (spec,)))
+    for spec in sorted(dict.fromkeys(ours), key=lambda spec: (_is_network(spec), spec in PLANNERS)):
         if spec in OWN or spec in REFERENCES:
             family = _family_of(load(spec, cheats=True))
             called = _CALLS.get(family, "")

@@ -72,8 +72,9 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
         return EachSeatFactory(load_program(spec.removeprefix(PREFIX)))
     if spec.endswith(".py"):
         return EachSeatFactory(load_bot(spec))
-    if (base := without_settings(spec)) != spec:
-        return _with_settings(base, spec.removeprefix(f"{base}:"))
+    base, settings = split_settings(spec)
+    if settings:
+        return _with_settings(base, settings.removeprefix(":"))
     if spec in REFERENCES and not cheats:
         raise PolicyError(f"{spec} is a cheat, shown the whole board; it plays in `arena play` alone, and is never rated")
     if spec in OWN or spec in REFERENCES:
@@ -92,10 +93,37 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
     raise UnknownNameError("policy", spec, names())
 
 
-def without_settings(spec: str) -> str:
-    """Return the name of a fighter of ours that comes with settings, as in planner:budget=2000; any other as it is."""
+def split_settings(spec: str) -> tuple[str, str]:
+    """Return a fighter and the settings behind its name, as in planner:budget=2000 or best.safetensors:mirror=true.
+
+    Only our own fighters, trained ones included, and checkpoints have settings. They come with their colon, or are empty.
+    """
     base = spec.partition(":")[0]
-    return base if base in OWN else spec
+    if not (base in OWN or base in shipped()):
+        file, has_settings, _ = spec.partition(f"{CHECKPOINT}:")
+        base = file + CHECKPOINT if has_settings and not spec.startswith(PREFIX) else spec
+    return base, spec.removeprefix(base)
+
+
+def without_settings(spec: str) -> str:
+    """Return a fighter without the settings behind its name."""
+    return split_settings(spec)[0]
+
+
+def set_more(spec: str, settings: Mapping[str, object]) -> str:
+    """Return a fighter with more settings behind its name.
+
+    Raises
+    ------
+    PolicyError
+        Fighters of its kind have none.
+    """
+    text = ",".join(f"{name}={str(value).lower()}" for name, value in settings.items())
+    base, already = split_settings(spec)
+    more = f"{base}{already},{text}" if already else f"{base}:{text}"
+    if without_settings(more) != base:
+        raise PolicyError(f"{spec} has no settings, so there is none called {', '.join(settings)}")
+    return more
 
 
 def _with_settings(name: str, settings: str) -> BatchFactory:
@@ -116,7 +144,7 @@ def check_name(spec: str) -> None:
 
 def is_file_or_program(spec: str) -> bool:
     """Whether a fighter is code or weights that neither ship with the arena nor were installed with a package."""
-    return spec.startswith(PREFIX) or spec.endswith((".py", CHECKPOINT))
+    return spec.startswith(PREFIX) or without_settings(spec).endswith((".py", CHECKPOINT))
 
 
 def load_entry(specs: Mapping[str, str], name: str, *, cheats: bool = False) -> BatchFactory:

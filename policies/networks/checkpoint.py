@@ -22,6 +22,7 @@ from arena.game.types import Code
 from policies.networks.features import FEATURES_VERSION
 from policies.networks.first_person import WINDOW
 from policies.networks.models import SIGNED_PLANES, PaperTeam, TeamNetwork, TeamShape
+from policies.networks.play_settings import PlaySettings
 
 FORMAT = 1
 """Rises whenever a file of the old kind can no longer be read."""
@@ -46,6 +47,8 @@ class Manifest:
     """`features.FEATURES_VERSION` of the planes that it was trained on."""
     ruleset: str
     ruleset_hash: str
+    play: PlaySettings = field(default_factory=PlaySettings)
+    """How it is to be played. Checkpoints that do not say so are of a time when all were played as it is by default."""
     training: dict[str, Any] = field(default_factory=dict)
     """How it came about: method, start, settings, samples, seed."""
     evaluation: dict[str, Any] = field(default_factory=dict)
@@ -153,7 +156,9 @@ def read_manifest(path: Path) -> Manifest:
         values = json.loads(text)
         version = values.pop("format")
         if version == FORMAT:
-            manifest = Manifest(**values)
+            manifest = Manifest(**{**values, "play": PlaySettings(**values.get("play", {}))})
+    except PolicyError as error:
+        raise PolicyError(f"the checkpoint {path} cannot be played: {error}") from error
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise PolicyError(f"the manifest of the checkpoint {path} cannot be read") from error
     if version != FORMAT:

@@ -28,6 +28,8 @@ ONE = 32
 _MOST, _FAR = 255, 63
 _STAY = int(Action.STAY)
 _MIRRORED = np.array([Action.STAY, Action.NORTH, Action.WEST, Action.SOUTH, Action.EAST], np.int8)
+UPSIDE_DOWN = np.array([Action.STAY, Action.SOUTH, Action.EAST, Action.NORTH, Action.WEST], np.int8)
+"""Each action with north and south exchanged."""
 
 
 class Plane(IntEnum):
@@ -94,6 +96,17 @@ class Encoded(NamedTuple):
     """Shape (n, units)."""
     legal: NDArray[np.uint8]
     """Shape (n, units, actions): which actions of the frame can move a unit, as far as its team knows; STAY always may."""
+
+
+def upside_down(encoded: Encoded) -> Encoded:
+    """Return a copy with the boards mirrored north to south."""
+    side = encoded.planes.shape[1]
+    row, column = np.divmod(encoded.cell, side)
+    return encoded._replace(
+        planes=np.ascontiguousarray(encoded.planes[:, ::-1]),
+        cell=(side - 1 - row) * side + column,
+        legal=encoded.legal[..., UPSIDE_DOWN],
+    )
 
 
 def prepare_encoder(ruleset: Ruleset) -> None:

@@ -5,6 +5,8 @@ is the eastern one; shifted, so that the unit stands at the centre of a window; 
 unless it is told to show as obstacles. Source: paper, section 3 and Figure 3.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +29,18 @@ def _recoding(team: Team) -> NDArray[np.int8]:
         for blue, red in (HALVES, FLAGS, UGVS, UAVS):
             codes[blue + 1], codes[red + 1] = red, blue
     return codes
+
+
+def turn_upside_down(observations: Observations) -> Observations:
+    """Return what a team would see on the board's north-south mirror image."""
+    side, n = observations.side, len(observations)
+
+    def cells(cell: NDArray[np.int16]) -> NDArray[np.int16]:
+        return np.where(cell < 0, cell, (side - 1 - cell // side) * side + cell % side).astype(np.int16)
+
+    ground = observations.ground.copy()
+    ground[:, : side * side] = ground[:, : side * side].reshape(n, side, side)[:, ::-1].reshape(n, -1)
+    return replace(observations, ground=ground, cell=cells(observations.cell), enemy_cell=cells(observations.enemy_cell))
 
 
 class FirstPerson:

@@ -1,9 +1,7 @@
 """A trained network in a seat: loads a checkpoint, and plays as many seats at once as it is given."""
 
 import os
-from copy import deepcopy
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -19,12 +17,16 @@ from arena.jit import jit
 from arena.policy import BatchPolicy, Orders
 from policies.chance import draw
 from policies.networks.checkpoint import Checkpoint, load_checkpoint
-from policies.networks.features import Encoded, Encoder
-from policies.networks.first_person import FirstPerson
+from policies.networks.features import UPSIDE_DOWN, Encoded, Encoder, upside_down
+from policies.networks.first_person import FirstPerson, turn_upside_down
 from policies.networks.models import Net, PaperTeam, TeamNetwork, channels_last
+from policies.networks.play_settings import PlaySettings, at_temperature, mean_of_logs
+from policies.networks.precision import precision_of, to_act_in
+from policies.settings import read_settings
 
 CHUNK = 128
 """Seats in one pass: as many as keep what lies between the layers in the cores' own memory."""
+AS_IT_IS = PlaySettings()
 _SMALLEST_BF16 = 16
 """Seats from which on bf16 pays for its conversions."""
 
@@ -35,15 +37,8 @@ def limit_threads() -> None:
     torch.set_num_threads(int(given) if given.isdigit() and int(given) > 0 else 1)
 
 
-@cache
-def has_fast_bf16() -> bool:
-    """Whether the processor multiplies bf16 faster than fp32."""
-    return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())
-
-
-def as_bf16(network: Net) -> Net:
-    """Return a copy that computes in bf16, its convolutions laid out with the channels last."""
-    return channels_last(deepcopy(network).to(torch.bfloat16))
+def _to_act_in_seats(network: Net, n_seats: int) -> Net:
+    return to_act_in(network, precision_of("cpu")) if n_seats >= _SMALLEST_BF16 else network
 
 
 @jit()
@@ -83,8 +78,11 @@ def choose(logits: Any, seeds: Any, actions: Any) -> None:
 class LearnedTeam(BatchPolicy):
     """Plays a `TeamNetwork`, which may be exchanged while matches run."""
 
-    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, network: TeamNetwork) -> None:
+    def __init__(
+        self, ruleset: Ruleset, team: Team, n_seats: int, *, network: TeamNetwork, play: PlaySettings = AS_IT_IS
+    ) -> None:
         super().__init__(ruleset, team, n_seats)
+        self._play = play
         self._encoder = Encoder(ruleset, team, n_seats)
         self._n_walkers = sum(not unit.flies for unit in ruleset.team(team))
         self._actions = np.zeros((n_seats, len(ruleset.team(team))), np.int8)
@@ -93,7 +91,7 @@ class LearnedTeam(BatchPolicy):
     def use(self, network: TeamNetwork) -> None:
         """Play with another network from now on."""
         self._network = channels_last(network.eval())
-        self._fast = as_bf16(network) if has_fast_bf16() and self.n_seats >= _SMALLEST_BF16 else self._network
+        self._fast = _to_act_in_seats(self._network, self.n_seats)
 
     def start(self, seats: NDArray[np.intp]) -> None:
         """Forget what was seen there."""
@@ -103,9 +101,16 @@ class LearnedTeam(BatchPolicy):
         """Encode all seats, think about them in chunks, and draw."""
         if not orders.shape[1]:
             return
-        encoded = self._encoder.encode(observations)
-        choose(infer(self._fast, encoded, self._n_walkers), np.ascontiguousarray(observations.seed), self._actions)
+        logits = at_temperature(self._think(self._encoder.encode(observations)), self._play.temperature)
+        choose(logits, np.ascontiguousarray(observations.seed), self._actions)
         orders[:] = self._encoder.to_board(self._actions)
+
+    def _think(self, encoded: Encoded) -> NDArray[np.float32]:
+        if not self._play.mirror:
+            return infer(self._fast, encoded, self._n_walkers)
+        both = Encoded(*(np.concatenate([one, other]) for one, other in zip(encoded, upside_down(encoded), strict=True)))
+        logits, turned = np.split(infer(self._fast, both, self._n_walkers), 2)
+        return mean_of_logs(logits, turned[..., UPSIDE_DOWN])
 
 
 def infer(network: TeamNetwork, encoded: Encoded, n_walkers: int) -> NDArray[np.float32]:
@@ -120,8 +125,9 @@ def infer(network: TeamNetwork, encoded: Encoded, n_walkers: int) -> NDArray[np.
 class LearnedUnits(BatchPolicy):
     """Plays a `PaperTeam`, which may be exchanged while matches run: each unit decides alone, from its own view."""
 
-    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, network: PaperTeam) -> None:
+    def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, network: PaperTeam, play: PlaySettings = AS_IT_IS) -> None:
         super().__init__(ruleset, team, n_seats)
+        self._play = play
         self._flies = np.array([unit.flies for unit in ruleset.team(team)], np.uint8)
         self._views = FirstPerson(team, ruleset.side, self._flies, n_seats, network.window, network.edge)
         self._actions = np.zeros((n_seats, len(self._flies)), np.int8)
@@ -131,18 +137,27 @@ class LearnedUnits(BatchPolicy):
     def use(self, network: PaperTeam) -> None:
         """Play with another network from now on."""
         self._network = channels_last(network.eval())
-        self._fast = as_bf16(network) if has_fast_bf16() and self.n_seats >= _SMALLEST_BF16 else self._network
+        self._fast = _to_act_in_seats(self._network, self.n_seats)
 
     def act(self, observations: Observations, orders: Orders) -> None:
         """Cut the views, and draw from what the network gives; a step that it cannot take is staying."""
         if not orders.size:
             return
-        views = torch.from_numpy(self._views.cut(observations)).flatten(0, 1)
-        logits = infer_units(self._fast, views, self._unit)
-        choose(logits.reshape(*self._actions.shape, -1), np.ascontiguousarray(observations.seed), self._actions)
+        logits = at_temperature(self._think(observations), self._play.temperature)
+        choose(logits, np.ascontiguousarray(observations.seed), self._actions)
         drawn = self._views.to_board(self._actions)
         legal = find_legal_actions(observations.ground, observations.side, observations.cell, observations.alive, self._flies)
         orders[:] = np.where(np.take_along_axis(legal, drawn[..., None].astype(np.int64), 2)[..., 0], drawn, Action.STAY)
+
+    def _think(self, observations: Observations) -> NDArray[np.float32]:
+        logits = self._infer(observations)
+        if not self._play.mirror:
+            return logits
+        return mean_of_logs(logits, self._infer(turn_upside_down(observations))[..., UPSIDE_DOWN])
+
+    def _infer(self, observations: Observations) -> NDArray[np.float32]:
+        views = torch.from_numpy(self._views.cut(observations)).flatten(0, 1)
+        return infer_units(self._fast, views, self._unit).reshape(*self._actions.shape, -1)
 
 
 def infer_units(network: PaperTeam, views: Tensor, unit: Tensor) -> NDArray[np.float32]:
@@ -160,15 +175,28 @@ class LearnedFactory:
 
     is_ours: ClassVar[bool] = True
     checkpoint: Checkpoint
+    play: PlaySettings
+    name: str
     most_seats: int = 256
+
+    def with_settings(self, text: str) -> "LearnedFactory":
+        """Return the same network played otherwise, as in "temperature=0,mirror=true".
+
+        Raises
+        ------
+        PolicyError
+            There is no such setting, or no such value of it.
+        """
+        settings = {**asdict(self.play), **read_settings(self.name, text, asdict(PlaySettings()))}
+        return replace(self, play=PlaySettings(**settings))
 
     def __call__(self, ruleset: Ruleset, team: Team, n_seats: int) -> BatchPolicy:
         """Return the network in some seats."""
         network = self.checkpoint.network
         if isinstance(network, PaperTeam):
-            return LearnedUnits(ruleset, team, n_seats, network=network)
+            return LearnedUnits(ruleset, team, n_seats, network=network, play=self.play)
         assert isinstance(network, TeamNetwork)  # `build_network` knows no other
-        return LearnedTeam(ruleset, team, n_seats, network=network)
+        return LearnedTeam(ruleset, team, n_seats, network=network, play=self.play)
 
 
 def load_learned(path: Path) -> LearnedFactory:
@@ -180,4 +208,5 @@ def load_learned(path: Path) -> LearnedFactory:
         The file does not fit.
     """
     limit_threads()
-    return LearnedFactory(load_checkpoint(path))
+    checkpoint = load_checkpoint(path)
+    return LearnedFactory(checkpoint, checkpoint.manifest.play, path.stem)

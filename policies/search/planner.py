@@ -23,7 +23,7 @@ from policies.search.budget import describe_budget, fit_budget, make_opening
 from policies.search.climb import Effort
 from policies.search.explain import explain
 from policies.search.mind import Mind
-from policies.search.settings import read_settings
+from policies.settings import read_settings
 
 logger = logging.getLogger(__name__)
 MOST_SIDE = 40

@@ -15,8 +15,9 @@ from torch.nn import functional
 from arena.game.observation import Observations
 from arena.game.types import Action, Team
 from policies.networks.features import N_PLANES, N_SCALARS
-from policies.networks.learned import CHUNK, as_bf16, choose, infer
+from policies.networks.learned import CHUNK, choose, infer
 from policies.networks.models import TeamNetwork
+from policies.networks.precision import autocast
 from policies.registry import load
 from policies.training.ppo import Learner
 from policies.training.rollout import LearnerSeats, Results
@@ -101,14 +102,14 @@ def learn_lesson(learner: Learner, lesson: Lesson, n_walkers: int, rate: float, 
     """Go through a lesson once; return the mean cross entropy, and how often the learner's likeliest action is the script's."""
     for group in learner.optimiser.param_groups:
         group["lr"] = rate
-    sums = torch.zeros(2)
+    sums, norm = torch.zeros(2), 0.0
     n_steps = 0
     for rows in learner.minibatches(len(lesson.labels), learner.settings.clone_minibatch, generator):
         learner.optimiser.zero_grad(set_to_none=True)
         batch = [one[rows] for one in (lesson.planes, lesson.scalars, lesson.cell, lesson.legal, lesson.labels)]
         for chunk in zip(*(torch.split(one, CHUNK) for one in batch), strict=True):
             planes, scalars, cell, legal, labels = chunk
-            with torch.autocast("cpu", torch.bfloat16):
+            with autocast("cpu", learner.precision):
                 logits = learner.network(planes, scalars, cell, legal, n_walkers)
             loss = functional.cross_entropy(logits.flatten(0, 1), labels.flatten(), ignore_index=_NO_LABEL)
             share = len(planes) / len(rows)
@@ -116,10 +117,10 @@ def learn_lesson(learner: Learner, lesson: Lesson, n_walkers: int, rate: float, 
             is_known = labels != _NO_LABEL
             agreed = ((logits.argmax(-1) == labels) & is_known).sum() / is_known.sum().clamp_min(1)
             sums += torch.stack([loss.detach(), agreed]) * share
-        learner.step()
+        norm += learner.step()["actor_norm"]
         n_steps += 1
     loss, agreed = (learner.processes.mean(sums) / n_steps).tolist()
-    return {"clone_loss": loss, "agreed": agreed}
+    return {"clone_loss": loss, "agreed": agreed, "actor_norm": norm / n_steps}
 
 
 def clone(
@@ -128,6 +129,6 @@ def clone(
     """Attend and study one lesson; return its samples, and how it went. `progress` goes from 0 to 1 in the course of cloning."""
     settings = learner.settings
     own = OWN_SEATS if progress > WATCHING else 0.0
-    lesson = collect_lesson(seats, teacher, as_bf16(learner.network), settings.horizon, own, rng)
+    lesson = collect_lesson(seats, teacher, learner.to_act(), settings.horizon, own, rng)
     rate = settings.clone_rate * min(1.0, 0.1 + 10 * progress) * max(1 - progress, 0.05)
     return len(lesson.labels), learn_lesson(learner, lesson, seats.n_walkers, rate, generator)

@@ -19,6 +19,7 @@ from policies.registry import load
 SELF, BEST, PAST, NOBODY = "self", "best", "past", "nobody"
 _MOST_PAST = 20
 """Former selves that are kept; with one more, the second oldest goes, and the start stays."""
+_LEAST_WEIGHT = 0.05
 
 
 def assign(shares: Mapping[str, float], first_row: int, n_rows: int) -> dict[str, NDArray[np.intp]]:
@@ -38,6 +39,25 @@ def assign(shares: Mapping[str, float], first_row: int, n_rows: int) -> dict[str
     return {name: np.array(mine, np.intp) for name, mine in rows.items() if mine}
 
 
+def prioritise(shares: Mapping[str, float], scores: Mapping[str, float], power: float) -> dict[str, float]:
+    """Return shares in which scripts that beat the learner have more of what all scripts have together.
+
+    Source: prioritised fictitious self-play of Vinyals et al., "Grandmaster level in StarCraft II" (2019): the weight of an
+    opponent is (1 - score)^power. A little is added, so that nobody is forgotten.
+
+    Parameters
+    ----------
+    scores
+        The learner's against each; 0.5 where there is none.
+    power
+        0 leaves the shares as they are.
+    """
+    scripts = [name for name in shares if name not in (SELF, BEST, PAST)]
+    weights = {name: shares[name] * ((1 - scores.get(name, 0.5)) ** power + _LEAST_WEIGHT) for name in scripts}
+    by = sum(shares[name] for name in scripts) / max(sum(weights.values()), 1e-9)
+    return {name: weights[name] * by if name in weights else share for name, share in shares.items()}
+
+
 class Pool:
     """Former selves: weights, and how the learner fared against them.
 
@@ -51,6 +71,11 @@ class Pool:
         """The learner's running score against each."""
         self.recent: deque[float] = deque(maxlen=gate_matches)
         """Points of the learner's last matches against the best."""
+
+    @property
+    def start(self) -> dict[str, Tensor]:
+        """Weights that PPO began with, which are never dropped."""
+        return self.selves[0]
 
     @property
     def best(self) -> dict[str, Tensor]:

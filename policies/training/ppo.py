@@ -2,24 +2,28 @@
 
 All units of a team are drawn from one pass and share one advantage; each has its own ratio, since the product of six ratios would
 leave the clip's range on chance alone. Source: Schulman et al., "Proximal policy optimization algorithms" (2017); Yu et al., "The
-surprising effectiveness of PPO in cooperative multi-agent games" (2022).
+surprising effectiveness of PPO in cooperative multi-agent games" (2022). What keeps the policy near a teacher is the term of
+Schmitt et al., "Kickstarting deep reinforcement learning" (2018): its divergence from the teacher's, with a weight that falls.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from policies.networks.learned import CHUNK
+from policies.networks.features import Encoded
+from policies.networks.learned import CHUNK, infer
 from policies.networks.models import Critic, TeamNetwork, channels_last
+from policies.networks.precision import autocast, precision_of, to_act_in
 from policies.training.gradients import bound_gradients
 from policies.training.parallel import Processes
 from policies.training.ppo_settings import PpoSettings
 from policies.training.rollout import Experience
 
 MOST_NORM = 0.5
-"""Gradients are cut to this norm."""
+"""The actor's gradients are cut to this norm, and so are the critic's: neither takes a part of the other's step."""
 
 
 class ValueScale:
@@ -55,6 +59,7 @@ class Schedule:
     entropy: float
     shaping: float
     is_critic_only: bool
+    teacher_kl: float
 
 
 def estimate(experience: Experience, values: Tensor, schedule: Schedule, settings: PpoSettings) -> tuple[Tensor, Tensor]:
@@ -88,16 +93,29 @@ class Learner:
         self.network = channels_last(network)
         self.critic = channels_last(critic)
         self.settings, self.processes = settings, processes
+        self.precision = precision_of("cpu")
         self.scale = ValueScale()
         self.average = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
         """Running average of the weights: what is played and saved."""
+        self.teacher: TeamNetwork | None = None
+        """Whom the policy is kept near, see `stay_near`."""
         self.parameters = [*network.parameters(), *critic.parameters()]
         self.optimiser = torch.optim.Adam(self.parameters, lr=settings.rate, eps=1e-5)
+
+    def stay_near(self, weights: Mapping[str, Tensor]) -> None:
+        """Take a network of the same shape as the teacher from which the policy is kept from drifting away."""
+        teacher = deepcopy(self.network).requires_grad_(False)
+        teacher.load_state_dict(dict(weights))
+        self.teacher = to_act_in(teacher, self.precision)
+
+    def to_act(self) -> TeamNetwork:
+        """Return the network as it stands, to act with until the next step."""
+        return to_act_in(self.network, self.precision)
 
     def values(self, experience: Experience) -> Tensor:
         """Return the critic's values of a rollout, float32, shape (t + 1, s)."""
         n_ticks = len(experience.reward)
-        with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16):
+        with torch.inference_mode(), autocast("cpu", self.precision):
             rows = []
             for tick in range(n_ticks + 1):
                 planes, scalars = experience.last if tick == n_ticks else (experience.planes[tick], experience.scalars[tick])
@@ -130,6 +148,9 @@ class Learner:
             experience.planes, experience.truth[:-1], experience.scalars, experience.cell, experience.alive, experience.legal,
             experience.actions, experience.logp, advantages, returns,
         )]  # fmt: skip
+        has_teacher = self.teacher is not None and schedule.teacher_kl > 0 and not schedule.is_critic_only
+        if has_teacher:
+            flat.append(self._ask_teacher(experience, n_walkers))
         for group in self.optimiser.param_groups:
             group["lr"] = schedule.rate
         sums: dict[str, float] = {}
@@ -144,7 +165,16 @@ class Learner:
                     break
             if means["kl"] > settings.target_kl:
                 break
+        if not has_teacher:
+            del sums["teacher_kl"]
         return {name: value / n_steps for name, value in sums.items()} | {"explained": explained, "steps": float(n_steps)}
+
+    def _ask_teacher(self, experience: Experience, n_walkers: int) -> Tensor:
+        """Return the teacher's log-probabilities, float32, shape (t * s, units, actions)."""
+        assert self.teacher is not None
+        seen = (experience.planes, experience.scalars, experience.cell, experience.alive, experience.legal)
+        logits = infer(self.teacher, Encoded(*(one.flatten(0, 1).numpy() for one in seen)), n_walkers)
+        return torch.from_numpy(logits).log_softmax(-1)
 
     def minibatches(self, n: int, size: int, generator: torch.Generator) -> Iterator[Tensor]:
         """Yield rows in parts, as many as the settings say: every process must take as many steps as the others."""
@@ -153,24 +183,24 @@ class Learner:
 
     def _step(self, batch: list[Tensor], n_walkers: int, schedule: Schedule) -> dict[str, float]:
         n = len(batch[0])
-        sums = torch.zeros(5)
+        sums = torch.zeros(6)
         self.optimiser.zero_grad(set_to_none=True)
         for chunk in zip(*(torch.split(one, CHUNK) for one in batch), strict=True):
             loss, metrics = self._loss(list(chunk), n_walkers, schedule)
             share = len(chunk[0]) / n
             (loss * share).backward()  # type: ignore[no-untyped-call]
             sums += metrics * share
-        self.step()
-        names = ("policy_loss", "value_loss", "entropy", "kl", "clipped")
-        return dict(zip(names, self.processes.mean(sums).tolist(), strict=True))
+        norms = self.step()
+        names = ("policy_loss", "value_loss", "entropy", "kl", "clipped", "teacher_kl")
+        return dict(zip(names, self.processes.mean(sums).tolist(), strict=True)) | norms
 
     def _loss(self, chunk: list[Tensor], n_walkers: int, schedule: Schedule) -> tuple[Tensor, Tensor]:
-        planes, truth, scalars, cell, alive, legal, actions, old_logp, advantage, target = chunk
-        with torch.autocast("cpu", torch.bfloat16):
+        planes, truth, scalars, cell, alive, legal, actions, old_logp, advantage, target, *taught = chunk
+        with autocast("cpu", self.precision):
             value = self.critic(planes, truth, scalars)
             value_loss = (value - target).square().mean()
             if schedule.is_critic_only:
-                return value_loss, torch.stack([torch.zeros(()), value_loss.detach(), *torch.zeros(3)])
+                return value_loss, torch.stack([torch.zeros(()), value_loss.detach(), *torch.zeros(4)])
             logits = self.network(planes, scalars, cell, legal, n_walkers)
         log_all = logits.log_softmax(-1)
         logp = log_all.gather(-1, actions[..., None]).squeeze(-1)
@@ -186,13 +216,21 @@ class Learner:
             kl = ((ratio - 1 - change) * weight).sum()
             clipped = (((ratio - 1).abs() > self.settings.clip).float() * weight).sum()
         loss = policy_loss + 0.5 * value_loss - schedule.entropy * entropy
-        return loss, torch.stack([policy_loss.detach(), value_loss.detach(), entropy.detach(), kl, clipped])
+        teacher_kl = torch.zeros(())
+        for teacher_log in taught:  # one, or none
+            teacher_kl = ((teacher_log.exp() * (teacher_log - log_all)).sum(-1) * weight).sum()
+            loss = loss + schedule.teacher_kl * teacher_kl
+        return loss, torch.stack([policy_loss.detach(), value_loss.detach(), entropy.detach(), kl, clipped, teacher_kl.detach()])
 
-    def step(self) -> None:
-        """Average the gradients over the processes, and take a step, if they are sound."""
+    def step(self) -> dict[str, float]:
+        """Average the gradients over the processes, and take a step, if they are sound; return their norms."""
         self.processes.average_gradients(self.parameters)
-        bound_gradients(self.parameters, MOST_NORM)
+        norms = {
+            "actor_norm": bound_gradients(self.network.parameters(), MOST_NORM),
+            "critic_norm": bound_gradients(self.critic.parameters(), MOST_NORM),
+        }
         self.optimiser.step()
         with torch.no_grad():
             for name, tensor in self.network.state_dict().items():
                 self.average[name].lerp_(tensor, 1 - self.settings.average)
+        return norms

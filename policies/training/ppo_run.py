@@ -21,12 +21,11 @@ from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
-from policies.networks.learned import as_bf16
 from policies.networks.models import Critic, TeamNetwork, TeamShape
 from policies.training.budget import Budget
 from policies.training.clone import Teacher, clone
 from policies.training.folder import LAST, START, STEP, RunFolder
-from policies.training.opponents import BEST, PAST, Opponents, Pool, assign
+from policies.training.opponents import BEST, PAST, Opponents, Pool, assign, prioritise
 from policies.training.parallel import Processes
 from policies.training.ppo import Learner, Schedule
 from policies.training.ppo_settings import PpoSettings
@@ -35,9 +34,12 @@ from policies.training.rollout import LearnerSeats, Results, collect
 
 CLONE = "clone:"
 _LEARNING = (
-    "clone_loss", "agreed", "policy_loss", "value_loss", "entropy", "kl", "clipped", "explained", "steps", "rate", "played_share",
+    "clone_loss", "agreed", "policy_loss", "value_loss", "entropy", "kl", "clipped", "teacher_kl", "actor_norm", "critic_norm",
+    "explained", "steps", "rate", "played_share",
 )  # fmt: skip
 """Columns of the metrics about learning."""
+RESEAT_EVERY = 64
+"""Rollouts after which rows are given to scripts anew, where the setting `priority` asks for it; all matches begin anew, too."""
 _WINDOW = 0.05
 """Weight of the newest rollout in the running scores that metrics and progress show."""
 
@@ -65,6 +67,7 @@ def schedule(settings: PpoSettings, progress: float, rollouts: int) -> Schedule:
         entropy=settings.entropy * max(1 - progress, 0.1),
         shaping=settings.shaping * max(1 - 1.5 * progress, 0.0),
         is_critic_only=rollouts < settings.critic_warmup,
+        teacher_kl=settings.teacher_kl * max(1 - progress / settings.teacher_share, 0.0),
     )
 
 
@@ -91,12 +94,16 @@ class PpoRun:
             if ruleset.side % 2 or not ruleset.team(Team.BLUE):
                 raise InputError(f"ruleset {ruleset.name}: blue has no units to train")
         self._teachers = _teachers(start, settings)
+        if settings.teacher_kl and not (start or self._teachers):
+            raise InputError("the setting teacher_kl keeps PPO near the network that it starts from; give one by --start")
         torch.manual_seed(settings.seed)
         network = TeamNetwork(TeamShape(channels=settings.channels, blocks=settings.blocks))
         if start and not start.startswith(CLONE):
             network = _read_start(Path(start), self.ruleset, network)
         self.learner = Learner(network, Critic(), settings, processes)
         self.pool = Pool(network.state_dict(), gate_matches=settings.gate_matches, gate_score=settings.gate_score)
+        self.seats: dict[str, LearnerSeats] = {}
+        """The learner's seats under each ruleset, while it trains."""
         self.counts = Counts()
         self.scores: dict[str, float] = {}
         state = folder.load_state()
@@ -106,12 +113,14 @@ class PpoRun:
 
     def train(self, should_stop: Callable[[], bool]) -> bool:
         """Go on until the budget is used up, or `should_stop` says so; then save. Return whether the budget is used up."""
-        self._seats = {name: self._seat(ruleset) for name, ruleset in self._rulesets.items()}
+        self.seats = {name: self._seat(ruleset) for name, ruleset in self._rulesets.items()}
         self._generator = torch.Generator().manual_seed(self.settings.seed + self.processes.rank + 977 * self.counts.sittings)
         self._rng = np.random.default_rng([self.settings.seed, self.processes.rank, self.counts.sittings])
         self._record = Record(self.folder, self.processes, self._report)
         if self._teachers and self.counts.cloned < self.settings.clone_samples:
             self._clone(should_stop)
+        if self.settings.teacher_kl:
+            self.learner.stay_near(self.pool.start)
         self._meet_selves()
         while not self._agree(should_stop()) and self.progress < 1:
             self._improve()
@@ -121,7 +130,18 @@ class PpoRun:
     def _seat(self, ruleset: Ruleset) -> LearnerSeats:
         first_row, n_rows = self.processes.share(self.settings.games)
         env = BatchedEnv(ruleset, n_rows, seed=self.settings.seed * 1_000_003 + self.counts.sittings, first_row=first_row)
-        return LearnerSeats(env, Opponents(ruleset, self.settings.opponents, first_row, n_rows, self.learner.network))
+        return LearnerSeats(env, self._opponents(ruleset))
+
+    def _opponents(self, ruleset: Ruleset) -> Opponents:
+        shares = prioritise(self.settings.opponents, self.processes.share_first(self.scores), self.settings.priority)
+        return Opponents(ruleset, shares, *self.processes.share(self.settings.games), self.learner.network)
+
+    def _reseat(self) -> None:
+        """Begin new matches, with rows for each script by how it fares."""
+        for name, seats in self.seats.items():
+            seats.env.skip_to(seats.env.episode)
+            self.seats[name] = LearnerSeats(seats.env, self._opponents(seats.env.ruleset))
+        self._meet_selves()
 
     def _rules_now(self) -> str:
         """Return the ruleset whose turn it is: the one that is furthest behind its share."""
@@ -163,13 +183,13 @@ class PpoRun:
             self.folder.cut_metrics(self.counts.step)
 
     def _clone(self, should_stop: Callable[[], bool]) -> None:
-        teachers = {rules: Teacher(self._teachers[rules], seats) for rules, seats in self._seats.items()}
+        teachers = {rules: Teacher(self._teachers[rules], seats) for rules, seats in self.seats.items()}
         while self.counts.cloned < self.settings.clone_samples:
             if self._agree(should_stop()) or self.progress >= 1:
                 return
             part = self.counts.cloned / self.settings.clone_samples
             rules = self._rules_now()
-            n, metrics = clone(self._seats[rules], teachers[rules], self.learner, part, self._rng, self._generator)
+            n, metrics = clone(self.seats[rules], teachers[rules], self.learner, part, self._rng, self._generator)
             self.counts.cloned += n * self.processes.n
             self._note("clone", rules, n, metrics, Results())
         self.learner.network.load_state_dict(self.learner.average)
@@ -182,9 +202,9 @@ class PpoRun:
     def _improve(self) -> None:
         """Play a rollout, learn from it, and see whether the best self is to be replaced."""
         rules, results, start_s = self._rules_now(), Results(), time.monotonic()
-        seats = self._seats[rules]
+        seats = self.seats[rules]
         now = schedule(self.settings, self._ppo_progress(), self.counts.rollouts)
-        experience = collect(seats, as_bf16(self.learner.network), self.settings.horizon, results)
+        experience = collect(seats, self.learner.to_act(), self.settings.horizon, results)
         played_s = time.monotonic() - start_s
         metrics = self.learner.learn(experience, seats.n_walkers, now, self._generator)
         metrics |= {"rate": now.rate, "played_share": played_s / (time.monotonic() - start_s)}
@@ -200,6 +220,8 @@ class PpoRun:
         if self.pool.try_gate(self.learner.average) or self.counts.rollouts % 8 == 0:
             self._meet_selves()
         self._note("ppo", rules, n, metrics, results)
+        if self.settings.priority and self.counts.rollouts % RESEAT_EVERY == 0:
+            self._reseat()
 
     def _ppo_progress(self) -> float:
         """How much of what cloning left of the budget is used up."""
@@ -212,7 +234,7 @@ class PpoRun:
 
     def _meet_selves(self) -> None:
         self._past = min(self.pool.draw_past(self._rng), len(self.pool.selves) - 1)
-        for seats in self._seats.values():
+        for seats in self.seats.values():
             seats.opponents.use(BEST, self.pool.best, self.learner.network)
             seats.opponents.use(PAST, self.pool.selves[self._past], self.learner.network)
 

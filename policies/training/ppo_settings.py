@@ -1,5 +1,6 @@
 """The settings of a run of cloning and PPO: one frozen dataclass, written into the run's folder and never changed."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -39,6 +40,10 @@ class PpoSettings:
     """An update that has moved the policy so far stops."""
     average: float = 0.99
     """Decay of the running average of the weights that is played and saved, per step of the optimiser."""
+    teacher_kl: float = 0.0
+    """Weight, at the start of PPO, of the divergence from the network that PPO started from; 0 lets it go where it wants."""
+    teacher_share: float = 0.5
+    """Share of PPO's part of the run in which that weight falls to nothing, along a line."""
     critic_warmup: int = 4
     """Rollouts in which only the critic learns."""
     clone_samples: int = 400_000
@@ -61,6 +66,9 @@ class PpoSettings:
     )
     """Share of the rows for each: `self` learns on both sides, `best` is the last self that passed the gate, `past` one of those
     before it, drawn by how often it wins; any other name is a fighter as `arena play` takes it."""
+    priority: float = 0.0
+    """Power of prioritised fictitious self-play among the scripts: those that beat the learner get more of the rows that scripts
+    have together, see `opponents.prioritise`. 0 keeps the shares; 1 or 2 is usual."""
     gate_matches: int = 200
     gate_score: float = 0.55
     """Score that the learner needs over the last `gate_matches` against `best` to take its place."""
@@ -71,6 +79,11 @@ class PpoSettings:
         for name, least in low.items():
             if getattr(self, name) < least:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least {least}")
+        for name in ("teacher_kl", "priority"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be a number from 0 on")
+        if not 0 < self.teacher_share <= 1:
+            raise InputError(f"the setting teacher_share is {self.teacher_share}; it must be above 0 and at most 1")
         if not self.opponents or min(self.opponents.values()) < 0 or sum(self.opponents.values()) <= 0:
             raise InputError("the setting opponents must give each a share, and one of them more than 0")
         if strangers := set(self.teachers) - set(self.shares()):

@@ -55,8 +55,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from policies.networks.learned import CHUNK, has_fast_bf16
+from policies.networks.learned import CHUNK
 from policies.networks.models import PaperTeam, channels_last
+from policies.networks.precision import autocast, precision_of, to_act_in
 from policies.training.gradients import bound_gradients
 from policies.training.parallel import Processes
 from policies.training.reinforce_settings import ReinforceSettings
@@ -133,7 +134,11 @@ class Reinforcer:
         self.optimiser: torch.optim.Optimizer = make(self.parameters, lr=settings.rate, fused=True)
         _, capacity = processes.share(settings.buffer)
         self.replay = Replay(max(capacity, 1))
-        self.is_bf16 = settings.bf16 and (self.device.type == "cuda" or has_fast_bf16())
+        self.precision = precision_of(device) if settings.bf16 else torch.float32
+
+    def to_act(self) -> PaperTeam:
+        """Return the network as it stands, to act with until the next step."""
+        return to_act_in(self.network, self.precision)
 
     def update(self, n_updates: int, rng: np.random.Generator) -> dict[str, float]:
         """Draw a batch and take a step, as often as the settings say; return what it looked like.
@@ -193,7 +198,7 @@ class Reinforcer:
 
     def _loss(self, views: Tensor, unit: Tensor, action: Tensor, old: Tensor, weight: Tensor) -> tuple[Tensor, Tensor]:
         """Return minus the objective, summed, and sums of entropy, log mu - log pi, importance weights and their squares."""
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.is_bf16):
+        with autocast(self.device.type, self.precision):
             logits = self.network(views, unit)
         log_all = logits.log_softmax(-1)
         logp = log_all.gather(1, action[:, None]).squeeze(1)

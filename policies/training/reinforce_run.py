@@ -19,7 +19,6 @@ from arena.game.ruleset import load as load_rules
 from arena.game.types import Code, Team
 from arena.policy import BatchPolicy
 from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
-from policies.networks.learned import as_bf16
 from policies.networks.models import PaperTeam
 from policies.registry import load
 from policies.training.budget import Budget
@@ -149,8 +148,7 @@ class ReinforceRun:
     def _round(self) -> None:
         """Play as many matches as an update needs, and update; in the warm-up only play, and at random."""
         learner, is_warmup = self.learner, self.counts.episodes < self.settings.warmup
-        network = as_bf16(learner.network) if learner.is_bf16 else learner.network
-        samples, outcome = self._rounds.play_round(None if is_warmup else network, self.counts.step)
+        samples, outcome = self._rounds.play_round(None if is_warmup else learner.to_act(), self.counts.step)
         learner.replay.add(samples)
         metrics = dict.fromkeys(METRICS, math.nan) if is_warmup else learner.update(self.counts.step, self._rng)
         self._note(len(samples.unit), outcome, metrics)

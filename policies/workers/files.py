@@ -14,16 +14,17 @@ from arena.keyring.ring import config_folder
 from arena.submission import MARK, START
 from arena.submission import PROGRAM as SUBMITTED_PROGRAM
 from policies.program import PREFIX as PROGRAM
-from policies.registry import is_file_or_program
+from policies.registry import is_file_or_program, split_settings
 
 
 def resolve(spec: str) -> tuple[str, list[Path]]:
     """Return a fighter such that it is found from any folder, and the files that it names."""
     if not spec.startswith(PROGRAM):
-        path = Path(spec).absolute()
+        file, settings = split_settings(spec)
+        path = Path(file).absolute()
         if not (is_file_or_program(spec) and path.exists()):
             return spec, []
-        return str(path), [path, path.parent] if (path.parent / MARK).is_file() else [path]
+        return f"{path}{settings}", [path, path.parent] if (path.parent / MARK).is_file() else [path]
     try:
         words = shlex.split(spec.removeprefix(PROGRAM))
     except ValueError:

@@ -37,6 +37,16 @@ def test_a_program_is_the_files_that_its_command_line_names(tmp_path: Path) -> N
     assert find_version(command.replace("--fast", "--slow"), ANN) != find_version(command, ANN)
 
 
+def test_a_checkpoint_s_settings_are_a_part_of_its_version_as_its_file_is(tmp_path: Path) -> None:
+    file = tmp_path / "best.safetensors"
+    found = set()
+    for content in ("one", "two"):
+        file.write_text(content)
+        found |= {find_version(f"{file}{settings}", ANN) for settings in ("", ":mirror=true", ":temperature=0")}
+
+    assert len(found) == 6
+
+
 def test_nobody_can_tell_that_two_entries_play_the_same() -> None:
     assert find_version("rush", ANN) != find_version("rush", BOB)
 

@@ -9,7 +9,7 @@ from arena.game.types import Team
 from arena.match.time_control import TimeControl
 from arena.sandbox.bubblewrap import why_no_limits, why_no_wall
 from arena.sandbox.limits import BEHIND_A_WALL, Limits
-from policies.registry import check_name, load
+from policies.registry import check_name, load, without_settings
 from tournaments.authoring.checked_bot import N_REPLAYS, CheckedBot
 from tournaments.authoring.findings import Report
 from tournaments.league.entries import kind_of_file, name_of
@@ -36,7 +36,7 @@ def find_bot(name: str) -> str:
             raise InputError(f"{name} is a folder without a bot.py; name the bot's file, or a program as exec:COMMAND")
         return str(folder / "bot.py")
     kind = kind_of_file(name)
-    if kind is not None and not folder.is_file():
+    if kind is not None and not Path(without_settings(name)).is_file():
         raise InputError(f"there is no {kind} {name}")
     check_name(name)
     return name

@@ -21,7 +21,10 @@ def evaluate(
     ] = 500,
     rules: Annotated[str, typer.Option(metavar="NAME|FILE.toml", autocompletion=complete_ruleset, help="The ruleset.")] = "paper",
     settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a rule, as in side=16.")
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Change a rule, as in side=16, or how it plays, as in play.temperature=0."
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the maps and the matches; training never uses them.")] = 20_000,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; one per core without it.")] = None,
@@ -38,7 +41,7 @@ def evaluate(
     from arena.game.ruleset import parse_overrides
     from arena.game.types import Team
     from policies.precompile import fighter_kernels
-    from policies.registry import load
+    from policies.registry import load, set_more
     from tournaments.evaluation.evaluate import CANDIDATE
     from tournaments.evaluation.evaluate import evaluate as play_all
     from tournaments.evaluation.solo import play_alone
@@ -46,7 +49,12 @@ def evaluate(
     opponents = list(dict.fromkeys(name.strip() for name in against.split(",") if name.strip()))
     if not opponents or CANDIDATE in opponents:
         raise InputError(f"--against is {against!r}; it must name fighters, divided by commas, and none called {CANDIDATE}")
-    ruleset = load_rules(rules).with_(parse_overrides(settings or []))
+    changes = parse_overrides(settings or [])
+    play = changes.pop("play", {})
+    if not isinstance(play, dict):
+        raise InputError(f"play is set to {play!r}; name what is to be set, as in --set play.temperature=0")
+    checkpoint = set_more(checkpoint, play) if play else checkpoint
+    ruleset = load_rules(rules).with_(changes)
     with stdout_to_stderr():
         fighters = (checkpoint, *opponents) if ruleset.team(Team.RED) else (checkpoint,)
         for spec in fighters:

@@ -10,6 +10,7 @@ from arena.files import read_file
 from arena.protocol.identity import from_text
 from policies import program
 from policies.program import PREFIX as PROGRAM
+from policies.registry import split_settings, without_settings
 
 REMOTE = "key:"
 """Stands before the public key of an entry that joins by itself, from wherever it is."""
@@ -20,7 +21,7 @@ FILES = {".py": "bot file", ".safetensors": "checkpoint"}
 
 def kind_of_file(spec: str) -> str | None:
     """Return in words what kind of file a fighter is; None if it is no file."""
-    return None if spec.startswith((PROGRAM, REMOTE)) else FILES.get(Path(spec).suffix)
+    return None if spec.startswith((PROGRAM, REMOTE)) else FILES.get(Path(without_settings(spec)).suffix)
 
 
 def name_of(spec: str) -> str:
@@ -28,7 +29,8 @@ def name_of(spec: str) -> str:
     if spec.startswith(PROGRAM):
         name = program.name_of(spec.removeprefix(PROGRAM)) or spec
     else:
-        name = spec if kind_of_file(spec) is None else Path(spec).stem
+        file, settings = split_settings(spec)
+        name = spec if kind_of_file(spec) is None else f"{Path(file).stem}{settings}"
     return name.encode("utf-8", "replace").decode()  # a file's name may be no text
 
 
@@ -70,7 +72,8 @@ def fingerprint_of(spec: str, command: str = "") -> str:
     kind = kind_of_file(spec)
     try:
         if kind is not None:
-            return f"{Path(spec).name} {sha256(read_file(Path(spec))).hexdigest()}"
+            file, settings = split_settings(spec)
+            return f"{Path(file).name}{settings} {sha256(read_file(Path(file)) + settings.encode()).hexdigest()}"
         content = b"".join(_hash_file(path) for path in _code_of_program(spec, command))
     except OSError as error:
         raise InputError(f"cannot read the {kind or 'file'} {error.filename or spec}: {error.strerror}") from error

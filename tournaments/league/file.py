@@ -19,7 +19,7 @@ from arena.match.time_control import TimeControl
 from arena.protocol.topics import is_chunk
 from arena.sandbox.limits import MOST, Limits
 from policies.program import PREFIX as PROGRAM
-from policies.registry import names
+from policies.registry import names, split_settings, without_settings
 from tournaments.league.entries import find_program, kind_of_file, name_of, public_key_of
 from tournaments.league.league import BOUNDS, DEFAULT_TERMS, MAPS, PAIRINGS, VENUES, League, LeagueError
 from tournaments.league.season import SeasonTerms, most_name_letters, parse_terms
@@ -298,17 +298,18 @@ class _Reader:
     def _fighter(self, spec: str, folder: Path, known: Iterable[str]) -> str:
         kind = kind_of_file(spec)
         if kind is not None:
-            path = (folder / spec).absolute()
+            file, settings = split_settings(spec)
+            path = (folder / file).absolute()
             if not path.is_file():
-                raise self._error(f"names the {kind} {spec}, and there is no {path}")
-            return str(path)
+                raise self._error(f"names the {kind} {file}, and there is no {path}")
+            return f"{path}{settings}"
         if spec.startswith(PROGRAM):
             return find_program(spec, folder)
         try:
             is_remote = public_key_of(spec) is not None
         except InputError as error:
             raise self._error(f"names an entry by its key, and {error}") from error
-        if not is_remote and spec not in known:
+        if not is_remote and without_settings(spec) not in known:
             raise UnknownNameError(f"policy in league {self._name}", spec, known)
         return spec
 

@@ -14,6 +14,7 @@ from platformdirs import user_cache_path
 from arena.errors import InputError
 from arena.files import read_file
 from policies.program import PREFIX as PROGRAM
+from policies.registry import split_settings, without_settings
 from policies.workers.files import resolve
 from tournaments.league.entries import kind_of_file
 from tournaments.venues.setting import Fighter
@@ -107,7 +108,7 @@ def _pack(spec: str) -> _Files | None:
     kind = kind_of_file(spec)
     if kind is None and not spec.startswith(PROGRAM):
         return None
-    found = resolve(spec)[1] or ([Path(spec).absolute()] if kind is not None else [])
+    found = resolve(spec)[1] or ([Path(without_settings(spec)).absolute()] if kind is not None else [])
     named = [path for path in found if kind is not None or not _is_of_every_machine(path)]
     roots = [path for path in named if not any(other in path.parents for other in named)]
     if not roots:
@@ -151,7 +152,8 @@ def _place(spec: str, packed: _Files) -> str:
         _write(folder / path, file)
     moved = {str(path): str(folder / path.relative_to(packed.parent)) for path in packed.named}
     if not spec.startswith(PROGRAM):
-        return moved[str(Path(spec).absolute())]
+        named, settings = split_settings(spec)
+        return f"{moved[str(Path(named).absolute())]}{settings}"
     words = shlex.split(spec.removeprefix(PROGRAM))
     return PROGRAM + shlex.join(moved.get(str(Path(word).absolute()), word) for word in words)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from small import FULL, PAPER, SETTINGS, SMALL, advantageous, make_learner, make_seats
 
 from arena.envs.batched import BatchedEnv
 from arena.errors import InputError, UnknownNameError
@@ -18,7 +19,7 @@ from arena.game.ruleset import load as load_rules
 from arena.game.state import StateField
 from arena.game.types import Team
 from policies.networks.checkpoint import load_checkpoint
-from policies.networks.models import Critic, TeamNetwork, TeamShape
+from policies.networks.models import TeamNetwork
 from policies.training.allocator import KEEP
 from policies.training.budget import Budget
 from policies.training.clone import Teacher, collect_lesson, learn_lesson
@@ -26,31 +27,10 @@ from policies.training.folder import LAST, METRICS, START, STATE, RunFolder
 from policies.training.gradients import TrainingError
 from policies.training.opponents import Opponents, Pool, assign
 from policies.training.parallel import Processes
-from policies.training.ppo import Learner, Schedule, estimate
+from policies.training.ppo import estimate
 from policies.training.ppo_run import PpoRun
 from policies.training.ppo_settings import PpoSettings, from_dict
-from policies.training.rollout import Experience, LearnerSeats, Results, collect
-
-torch.set_num_threads(1)  # as `arena train` has it: threads that wait for each other cost more than they bring
-PAPER = load_rules("paper")
-SMALL = TeamShape(channels=8, blocks=1, patch=5, local=8, hidden=16)
-SETTINGS = PpoSettings(
-    games=8, horizon=6, minibatch=24, channels=8, blocks=1, critic_warmup=1, clone_samples=60, clone_minibatch=24,
-    opponents={"self": 0.5, "best": 0.2, "past": 0.1, "rush": 0.2},
-)  # fmt: skip
-FULL = Schedule(rate=1e-3, entropy=0.0, shaping=0.0, is_critic_only=False)
-
-
-def make_seats(settings: PpoSettings = SETTINGS, seed: int = 1, first_row: int = 0, n_rows: int | None = None) -> LearnerSeats:
-    torch.manual_seed(0)
-    n_rows = settings.games if n_rows is None else n_rows
-    opponents = Opponents(PAPER, settings.opponents, first_row, n_rows, TeamNetwork(SMALL))
-    return LearnerSeats(BatchedEnv(PAPER, n_rows, seed=seed, first_row=first_row), opponents)
-
-
-def make_learner(settings: PpoSettings = SETTINGS) -> Learner:
-    torch.manual_seed(0)
-    return Learner(TeamNetwork(SMALL), Critic(channels=8, blocks=1), settings, Processes())
+from policies.training.rollout import LearnerSeats, Results, collect
 
 
 def test_rows_get_opponents_by_their_shares_however_many_processes_there_are() -> None:
@@ -106,12 +86,6 @@ def test_both_sides_of_self_play_earn_opposite_rewards() -> None:
     assert experience.has_ended.any()
     assert experience.reward.abs().sum() > 0
     assert not experience.reward[~experience.has_ended].any()
-
-
-def advantageous(experience: Experience, action: int) -> Experience:
-    """Return a rollout in which every unit's `action` pays at once, and the match is over."""
-    reward = (experience.actions == action).float().mean(-1)
-    return replace(experience, reward=reward, has_ended=torch.ones_like(experience.has_ended))
 
 
 def test_ppo_learns_what_pays() -> None:
@@ -346,7 +320,7 @@ processes = join_processes()
 settings = replace(SETTINGS, opponents={{"rush": 1.0}})
 def gradients(processes, first, n):
     learner = make_learner(settings)
-    learner.processes, learner.step = processes, lambda: processes.average_gradients(learner.parameters)
+    learner.processes, learner.step = processes, lambda: processes.average_gradients(learner.parameters) or {{}}
     experience = collect(make_seats(settings, first_row=first, n_rows=n), learner.network.eval(), 6, Results())
     learner.learn(experience, 4, FULL, torch.Generator().manual_seed(0))
     return torch.cat([one.grad.flatten() for one in learner.parameters if one.grad is not None])

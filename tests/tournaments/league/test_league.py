@@ -230,6 +230,19 @@ def test_an_entry_may_be_a_public_key() -> None:
         league.check_venue("local")
 
 
+def test_an_entry_may_come_with_settings(tmp_path: Path) -> None:
+    (tmp_path / "best.safetensors").write_bytes(b"one")
+    given = {"plain": "best.safetensors", "mirrored": "best.safetensors:mirror=true", "greedy": "champion:temperature=0"}
+    league = parse("[entries]\n" + "\n".join(f'{name} = "{spec}"' for name, spec in given.items()), tmp_path)
+    written = league.definition["entries"]
+
+    assert league.entries["mirrored"] == f"{tmp_path / 'best.safetensors'}:mirror=true"
+    assert set(league.sandboxes) == {"plain", "mirrored"}
+    assert len({*written.values()}) == 3
+    with pytest.raises(InputError, match=r"names the checkpoint gone\.safetensors, and there is no"):
+        parse('[entries]\na = "gone.safetensors:mirror=true"\nb = "rush"', tmp_path)
+
+
 def test_a_checkpoint_is_an_entry_as_a_bot_file_is(tmp_path: Path) -> None:
     file = tmp_path / "best.safetensors"
     file.write_bytes(b"one")

@@ -1,0 +1,156 @@
+"""What a step of PPO is made of: gradients that are cut apart, and a pull to the teacher; and whom it meets."""
+
+import csv
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from small import FULL, SETTINGS, advantageous, make_learner, make_seats
+from torch import nn
+
+from arena.errors import InputError
+from arena.game.types import Action
+from policies.networks.checkpoint import load_checkpoint
+from policies.training import ppo_run
+from policies.training.budget import Budget
+from policies.training.folder import METRICS, START, RunFolder
+from policies.training.opponents import prioritise
+from policies.training.parallel import Processes
+from policies.training.ppo import MOST_NORM, Learner
+from policies.training.ppo_run import PpoRun, schedule
+from policies.training.ppo_settings import PpoSettings
+from policies.training.rollout import Results, collect
+
+
+def norm_of(network: nn.Module) -> float:
+    return float(torch.stack([one.grad.norm() for one in network.parameters() if one.grad is not None]).norm())
+
+
+def test_what_the_critic_gets_wrong_takes_nothing_from_the_actors_step() -> None:
+    learner = make_learner()
+    for network, norm in ((learner.network, 0.8 * MOST_NORM), (learner.critic, 60.0)):
+        for one in network.parameters():
+            one.grad = torch.ones_like(one)
+        by = norm / norm_of(network)
+        for one in network.parameters():
+            one.grad *= by
+
+    found = learner.step()
+
+    assert norm_of(learner.network) == pytest.approx(0.8 * MOST_NORM, rel=1e-3)
+    assert norm_of(learner.critic) == pytest.approx(MOST_NORM, rel=1e-3)
+    assert found == {"actor_norm": pytest.approx(0.8 * MOST_NORM, rel=1e-3), "critic_norm": pytest.approx(60.0, rel=1e-3)}
+
+
+def learn_to_go_east(
+    teacher_kl: float, n_rollouts: int = 8, *, has_teacher: bool = True
+) -> tuple[Learner, list[float], dict[str, float]]:
+    """Let a policy that was cloned meet a world in which going east pays; return it, its share of that, and the last metrics."""
+    seats, generator = make_seats(), torch.Generator().manual_seed(0)
+    learner = make_learner(replace(SETTINGS, target_kl=10.0, minibatch=12))
+    if has_teacher:
+        learner.stay_near(learner.network.state_dict())
+    shares, metrics = [], {}
+    for _ in range(n_rollouts):
+        experience = collect(seats, learner.network.eval(), 6, Results())
+        chosen = experience.actions[(experience.alive > 0) & (experience.legal[..., Action.EAST] > 0)]
+        shares.append(float((chosen == Action.EAST).float().mean()))
+        now = replace(FULL, rate=5e-3, teacher_kl=teacher_kl)
+        metrics = learner.learn(advantageous(experience, Action.EAST), seats.n_walkers, now, generator)
+    return learner, shares, metrics
+
+
+def test_near_its_teacher_a_policy_stays_as_it_was_cloned() -> None:
+    _, free, _ = learn_to_go_east(0.0)
+    _, held, metrics = learn_to_go_east(1e3)
+
+    assert free[-1] > free[0] + 0.2
+    assert abs(held[-1] - held[0]) < 0.1
+    assert 0 <= metrics["teacher_kl"] < 0.05
+
+
+def test_a_teacher_that_counts_for_nothing_changes_nothing() -> None:
+    with_teacher, _, metrics = learn_to_go_east(0.0, 2)
+    without, _, _ = learn_to_go_east(0.0, 2, has_teacher=False)
+
+    assert "teacher_kl" not in metrics
+    for name, one in without.network.state_dict().items():
+        assert torch.equal(one, with_teacher.network.state_dict()[name])
+
+
+def test_the_weight_of_the_teacher_falls_to_nothing_over_its_share_of_the_run() -> None:
+    settings = PpoSettings(teacher_kl=0.4, teacher_share=0.5)
+
+    weights = [schedule(settings, progress, 0).teacher_kl for progress in (0.0, 0.25, 0.5, 0.9)]
+
+    assert weights == pytest.approx([0.4, 0.2, 0.0, 0.0])
+    assert schedule(PpoSettings(), 0.0, 0).teacher_kl == 0
+
+
+@pytest.mark.parametrize(("setting", "reason"), [("teacher_kl=-1", "teacher_kl"), ("teacher_share=0", "teacher_share")])
+def test_a_teacher_s_weight_that_cannot_be_is_refused(setting: str, reason: str) -> None:
+    with pytest.raises(InputError, match=f"the setting {reason} is"):
+        PpoSettings().with_([setting])
+
+
+def test_who_starts_from_nothing_has_no_teacher(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="teacher_kl"):
+        PpoRun(RunFolder(tmp_path), replace(SETTINGS, teacher_kl=0.1), "", Budget(samples=1), Processes(), lambda *_: None)
+
+
+def test_a_run_that_goes_on_keeps_the_teacher_that_it_was_cloned_from(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "run")
+    folder.create({})
+    settings = replace(SETTINGS, teacher_kl=0.1)
+    asked = iter(range(1_000))
+
+    def run(should_stop: Callable[[], bool]) -> PpoRun:
+        made = PpoRun(folder, settings, "clone:rush", Budget(samples=700), Processes(), lambda *_: None)
+        made.train(should_stop)
+        return made
+
+    run(lambda: next(asked) >= 4)
+    second = run(lambda: False)
+
+    cloned = load_checkpoint(folder.path / START).network.state_dict()
+    assert second.counts.sittings == 2
+    assert second.learner.teacher is not None
+    assert all(torch.equal(one, second.learner.teacher.state_dict()[name]) for name, one in cloned.items())
+    with (folder.path / METRICS).open(encoding="utf-8", newline="") as file:
+        told = [row["teacher_kl"] for row in csv.DictReader(file) if row["stage"] == "ppo"]
+    assert any(float(one) > 0 for one in told[1:] if one)
+
+
+def test_scripts_that_win_are_met_more_often_and_selves_as_before() -> None:
+    shares = {"self": 0.3, "best": 0.1, "rush": 0.4, "random": 0.2}
+
+    met = prioritise(shares, {"rush": 0.9, "random": 0.1, "self": 0.5, "best": 0.2}, 2.0)
+
+    assert sum(met.values()) == pytest.approx(1)
+    assert (met["self"], met["best"]) == (0.3, 0.1)
+    assert met["random"] > 0.5 > 0.1 > met["rush"] > 0.02
+    assert prioritise(shares, {"rush": 0.9}, 0.0) == pytest.approx(shares)
+    assert prioritise(shares, {}, 2.0) == pytest.approx(shares)
+
+
+@pytest.mark.parametrize("priority", [0.0, 2.0])
+def test_a_run_with_priorities_seats_scripts_anew_by_how_they_fare(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, priority: float
+) -> None:
+    monkeypatch.setattr(ppo_run, "RESEAT_EVERY", 1)
+    settings = replace(SETTINGS, opponents={"self": 0.5, "rush": 0.25, "random": 0.25}, priority=priority)
+    folder = RunFolder(tmp_path / "run")
+    folder.create({})
+    run = PpoRun(folder, settings, "", Budget(samples=150), Processes(), lambda *_: None)
+
+    def say_how_they_fare() -> bool:
+        run.scores |= {"rush": 1.0, "random": 0.0}
+        return False
+
+    run.train(say_how_they_fare)
+    rows = {name: len(mine) for name, mine in run.seats["paper"].opponents.rows.items()}
+
+    assert rows == ({"random": 4} if priority else {"rush": 2, "random": 2})
+    assert len(run.seats["paper"].opponents.self_rows) == 4
