@@ -38,7 +38,7 @@ class Clock(PaperTeam):
     """A network that adds up the time spent in it."""
 
     def __init__(self, network: PaperTeam) -> None:
-        super().__init__(network.window, network.agents, network.planes)
+        super().__init__(network.window, network.agents, network.planes, network.edge)
         self.members, self.seconds = network.members, 0.0
 
     def forward(self, views: torch.Tensor, unit: torch.Tensor) -> torch.Tensor:

@@ -20,14 +20,17 @@ from arena.files import check_file
 from arena.game.ruleset import Ruleset
 from arena.game.types import Code
 from policies.networks.features import FEATURES_VERSION
-from policies.networks.models import PaperTeam, TeamNetwork, TeamShape
+from policies.networks.first_person import WINDOW
+from policies.networks.models import SIGNED_PLANES, PaperTeam, TeamNetwork, TeamShape
 from policies.networks.play_settings import PlaySettings
 
 FORMAT = 1
 """Rises whenever a file of the old kind can no longer be read."""
 MOST_BYTES = 12_000_000
-"""Of a checkpoint, or of each policy in one that has a policy for each unit."""
+"""Of a checkpoint, or of each policy in one that has a policy for each unit, with the window that the paper has; one with
+a larger window may take more."""
 MOST_AGENTS = 16
+MOST_WINDOW = 64
 KINDS = ("team", "paper")
 _KEY = "arena"
 
@@ -74,8 +77,10 @@ def build_network(kind: str, shape: Mapping[str, int]) -> nn.Module:
         except TypeError as error:
             raise ValueError(f"it names sizes that a team network has not: {', '.join(shape)}") from error
     if kind == "paper":
-        is_known = set(shape) == {"window", "agents", "planes"} and shape["planes"] in (1, len(Code))
-        if not (is_known and 7 <= shape["window"] <= 64 and 1 <= shape["agents"] <= MOST_AGENTS):
+        shape = {"edge": Code.HIDDEN, **shape}  # which checkpoints did not always say
+        is_known = set(shape) == {"window", "agents", "planes", "edge"} and shape["planes"] in (1, len(SIGNED_PLANES), len(Code))
+        is_known = is_known and shape["edge"] in (Code.HIDDEN, Code.OBSTACLE)
+        if not (is_known and 7 <= shape["window"] <= MOST_WINDOW and 1 <= shape["agents"] <= MOST_AGENTS):
             raise ValueError(f"no network of the paper has the sizes {shape}")
         return PaperTeam(**shape)
     raise ValueError(f"its network is {kind!r}; known: {', '.join(KINDS)}")
@@ -86,7 +91,7 @@ def shape_of(network: nn.Module) -> tuple[str, dict[str, int]]:
     if isinstance(network, TeamNetwork):
         return "team", asdict(network.shape)
     if isinstance(network, PaperTeam):
-        return "paper", {"window": network.window, "agents": network.agents, "planes": network.planes}
+        return "paper", {"window": network.window, "agents": network.agents, "planes": network.planes, "edge": network.edge}
     raise ValueError(f"{type(network).__name__} is no network that a checkpoint can hold")
 
 
@@ -164,8 +169,11 @@ def read_manifest(path: Path) -> Manifest:
 
 
 def _most_bytes(manifest: Manifest) -> int:
-    agents = manifest.shape.get("agents") if manifest.network == "paper" else 1
-    return MOST_BYTES * (agents if isinstance(agents, int) and 1 <= agents <= MOST_AGENTS else 1)
+    agents, window = (manifest.shape.get(name) for name in ("agents", "window")) if manifest.network == "paper" else (1, WINDOW)
+    n_policies = agents if isinstance(agents, int) and 1 <= agents <= MOST_AGENTS else 1
+    side = window if isinstance(window, int) and WINDOW <= window <= MOST_WINDOW else WINDOW
+    dense = ((side - 6) / (WINDOW - 6)) ** 2
+    return min(int(MOST_BYTES * n_policies * dense), MOST_BYTES * MOST_AGENTS)
 
 
 def load_checkpoint(path: Path) -> Checkpoint:

@@ -1,8 +1,8 @@
 """What the `paper` network sees: the board as one unit has it around itself, in raw codes.
 
 The team's fogged Table 2 board is recoded, so that blue's codes mean own and red's mean enemy; turned, so that the enemy's half
-is the eastern one; shifted, so that the unit stands at the centre of a window; and what lies off the board is hidden. Source:
-paper, section 3 and Figure 3.
+is the eastern one; shifted, so that the unit stands at the centre of a window; and what lies off the board is hidden,
+unless it is told to show as obstacles. Source: paper, section 3 and Figure 3.
 """
 
 from dataclasses import replace
@@ -44,9 +44,18 @@ def turn_upside_down(observations: Observations) -> Observations:
 
 
 class FirstPerson:
-    """Cuts the views of all units of a batch of seats of one team."""
+    """Cuts the views of all units of a batch of seats of one team.
 
-    def __init__(self, team: Team, side: int, flies: NDArray[np.uint8], n_seats: int, window: int = WINDOW) -> None:
+    Parameters
+    ----------
+    edge
+        The code that cells off the board show.
+    """
+
+    def __init__(
+        self, team: Team, side: int, flies: NDArray[np.uint8], n_seats: int, window: int = WINDOW, edge: int = Code.HIDDEN
+    ) -> None:
+        self._edge = int(edge)
         self._flies = flies
         self._recoded = _recoding(team)
         self._board = np.zeros((side, side), np.int8)
@@ -63,7 +72,7 @@ class FirstPerson:
             int8, shape (n, units, window, window): codes of Table 2, blue's for own, red's for
             enemy. A fallen unit's view is hidden.
         """
-        _cut(sight_of(observations), self._flies, self._recoded, self._board, self.is_turned, self._views)
+        _cut(sight_of(observations), self._flies, self._recoded, self._board, self._edge, self.is_turned, self._views)
         return self._views
 
     def to_board(self, actions: NDArray[np.int8]) -> NDArray[np.int8]:
@@ -98,6 +107,7 @@ def _cut(
     flies: NDArray[np.uint8],
     recoded: NDArray[np.int8],
     board: NDArray[np.int8],
+    edge: int,
     is_turned: NDArray[np.uint8],
     views: NDArray[np.int8],
 ) -> None:
@@ -107,7 +117,7 @@ def _cut(
         is_turned[seat] = turned
         for unit in range(len(flies)):
             view = views[seat, unit]
-            view[:] = _HIDDEN
+            view[:] = edge if sight.alive[seat, unit] else _HIDDEN
             if not sight.alive[seat, unit]:
                 continue
             cell = int(sight.cell[seat, unit])

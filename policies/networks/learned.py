@@ -129,7 +129,7 @@ class LearnedUnits(BatchPolicy):
         super().__init__(ruleset, team, n_seats)
         self._play = play
         self._flies = np.array([unit.flies for unit in ruleset.team(team)], np.uint8)
-        self._views = FirstPerson(team, ruleset.side, self._flies, n_seats, network.window)
+        self._views = FirstPerson(team, ruleset.side, self._flies, n_seats, network.window, network.edge)
         self._actions = np.zeros((n_seats, len(self._flies)), np.int8)
         self._unit = torch.arange(len(self._flies)).repeat(n_seats)
         self.use(network)

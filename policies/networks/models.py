@@ -11,11 +11,14 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from arena.game.types import FLAGS, HALVES, UAVS, UGVS, Code
 from policies.networks.features import FIRST_DISTANCE, N_PLANES, N_SCALARS, ONE
 
 N_ACTIONS = 5
 N_TRUTH_PLANES = 5
 """Planes of the true state that only the critic sees; see `policies.training.truth`."""
+SIGNED_PLANES: tuple[tuple[Code, ...], ...] = ((Code.HIDDEN,), HALVES, UGVS, UAVS, FLAGS, (Code.OBSTACLE,))
+"""The codes of each of six planes: the first shows as 1; the second, the enemy's, as -1."""
 _INDEX_LETTERS = 8
 _NEVER = -1e4
 """Logit of what cannot be done; finite, so that a product with zero stays zero."""
@@ -221,12 +224,15 @@ class PaperNetwork(nn.Module):
     Parameters
     ----------
     planes
-        1, which is the paper's raw codes, or one for each `Code`, 1 where it stands.
+        1, which is the paper's raw codes; one for each `Code`, 1 where it stands; or those of `SIGNED_PLANES`.
     """
+
+    signs: Tensor
 
     def __init__(self, window: int = 20, planes: int = 1) -> None:
         super().__init__()
         self.window, self.planes = window, planes
+        self.register_buffer("signs", _signs(), persistent=False)
         self.first = nn.Conv2d(planes, 32, 5)
         self.second = nn.Conv2d(32, 32, 3)
         self.dense = nn.Linear(32 * (window - 6) ** 2, 400)
@@ -235,12 +241,23 @@ class PaperNetwork(nn.Module):
     def forward(self, views: Tensor) -> Tensor:
         """Return logits, float32, shape (n, actions), of views of raw codes, shape (n, window, window)."""
         board = views[:, None]
-        if self.planes > 1:
+        if self.planes == len(SIGNED_PLANES):
+            board = self.signs[(views + 1).long()].permute(0, 3, 1, 2)
+        elif self.planes > 1:
             board = board == torch.arange(-1, self.planes - 1, device=views.device)[:, None, None]
         board = board.to(self.first.weight.dtype)
         board = functional.relu(self.second(functional.relu(self.first(board))))
         board = board.permute(0, 2, 3, 1)  # as it lies in memory: another order would be copied here, and again on the way back
         return cast(Tensor, self.out(functional.relu(self.dense(board.flatten(1))))).float()
+
+
+def _signs() -> Tensor:
+    """Return what each code, from HIDDEN on, is in each of `SIGNED_PLANES`; shape (codes, planes)."""
+    signs = torch.zeros(len(Code), len(SIGNED_PLANES))
+    for plane, codes in enumerate(SIGNED_PLANES):
+        for code, sign in zip(codes, (1.0, -1.0), strict=False):
+            signs[code - Code.HIDDEN, plane] = sign
+    return signs
 
 
 class PaperTeam(nn.Module):
@@ -252,11 +269,13 @@ class PaperTeam(nn.Module):
     ----------
     agents
         Networks; 1 is a policy that all units share.
+    edge
+        The code that cells off the board show in the views: HIDDEN or OBSTACLE.
     """
 
-    def __init__(self, window: int = 20, agents: int = 1, planes: int = 1) -> None:
+    def __init__(self, window: int = 20, agents: int = 1, planes: int = 1, edge: int = Code.HIDDEN) -> None:
         super().__init__()
-        self.window, self.agents, self.planes = window, agents, planes
+        self.window, self.agents, self.planes, self.edge = window, agents, planes, int(edge)
         self.members = nn.ModuleList(PaperNetwork(window, planes) for _ in range(agents))
 
     def forward(self, views: Tensor, unit: Tensor) -> Tensor:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from arena.errors import InputError
 from arena.extras import needs
 from policies.networks.checkpoint import write_whole
+from policies.training.convergence import Verdict, judge
 from policies.training.folder import METRICS, SETTINGS, RunFolder
 from policies.training.methods import read_config
 from policies.training.reinforce_settings import ReinforceSettings
@@ -25,9 +26,8 @@ FIGURES = {
 }
 """File, title and rulesets of each figure. The paper's Table 4 has lost its cells, and its Figure 6 does not say whether UAVs are
 in it, so both are shown."""
-CONVERGED_EPISODES, CONVERGED_POINTS = 2_000, 2.0
-"""A run has converged when its mean score over its newest `CONVERGED_EPISODES` differs from that over as many before them by less
-than `CONVERGED_POINTS`, of 200 that there are."""
+_NEWEST = 2_000
+"""Episodes at the end of a run over which its last score is the mean."""
 _SMOOTH = 500
 """Episodes of the running mean that a curve shows."""
 _N_POINTS = 150
@@ -73,14 +73,21 @@ class Summary:
     best_score: float
     """The most that the mean curve reaches."""
     last_score: float
-    """Over the newest `CONVERGED_EPISODES`."""
+    """Over the newest `_NEWEST`."""
     last_low: float
     """The lowest of the seeds."""
     last_high: float
     captures: float
-    """Over the newest `CONVERGED_EPISODES`."""
+    """Over the newest `_NEWEST`."""
+    slope: float | None
+    """Of the mean of the seeds over its newest half, in points per 10,000 episodes; see `policies.training.convergence`."""
+    slope_low: float | None
+    """Lower end of its 95% interval."""
+    slope_high: float | None
+    verdict: str
+    """What the slope says: converged, rises, falls or cannot be told."""
     converged: int
-    """Seeds that have converged."""
+    """Seeds that have converged, each by itself."""
 
 
 def read_traces(folders: Sequence[Path]) -> list[Trace]:
@@ -150,25 +157,17 @@ def curve(label: str, runs: Sequence[Trace]) -> Curve:
 
 def summarise(runs: Sequence[Trace]) -> Summary:
     """Return how the seeds of one stage and reading ended."""
-    last = [_mean_until(run, run.score, run.episodes[-1], CONVERGED_EPISODES) for run in runs]
-    line = curve("", runs)
+    last = [_mean_until(run, run.score, run.episodes[-1], _NEWEST) for run in runs]
+    line, trend = curve("", runs), judge([(run.episodes, run.score) for run in runs])
     return Summary(
         rules=runs[0].rules, reading=runs[0].reading, seeds=len(runs), episodes=int(min(run.episodes[-1] for run in runs)),
         first_score=_rounded([_mean_until(run, run.score, _SMOOTH, _SMOOTH) for run in runs]),
         best_score=round(float(line.middle.max()), 2), last_score=_rounded(last), last_low=round(min(last), 2),
         last_high=round(max(last), 2),
-        captures=_rounded([_mean_until(run, run.captures, run.episodes[-1], CONVERGED_EPISODES) for run in runs]),
-        converged=sum(map(has_converged, runs)),
+        captures=_rounded([_mean_until(run, run.captures, run.episodes[-1], _NEWEST) for run in runs]),
+        slope=trend.slope, slope_low=trend.low, slope_high=trend.high, verdict=trend.verdict,
+        converged=sum(judge([(run.episodes, run.score)]).verdict is Verdict.CONVERGED for run in runs),
     )  # fmt: skip
-
-
-def has_converged(run: Trace) -> bool:
-    """Whether a run has converged, as defined above, before anything was run."""
-    end = float(run.episodes[-1])
-    if end < 2 * CONVERGED_EPISODES:
-        return False
-    newest, before = (_mean_until(run, run.score, end - ago, CONVERGED_EPISODES) for ago in (0, CONVERGED_EPISODES))
-    return abs(newest - before) < CONVERGED_POINTS
 
 
 def write_figures(traces: Sequence[Trace], out: Path) -> list[Summary]:

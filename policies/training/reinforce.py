@@ -13,7 +13,7 @@ stop; the team's reward goes on to the end of the match, "that would allow the a
 section 3 says that "this final reward at the end of each experiment has been discounted by time". `reward=terminal` pays the
 final score at the last tick; `stream` pays the score as it stands after every tick, which is Equation 4 put into the sum of
 Algorithm 1; `differences` pays every change of the score once, as it happens, and is what most would write today. All are in
-points, -100 to 100.
+points, -100 to 100. `stall` pays so much more at the last tick of a match that runs out, which is usually a penalty.
 
 *Sample buffer s, R, t ~ B(U(0, N_buffer)).* The replay is uniform, and the gradient of REINFORCE is right only for samples of
 the policy that is updated. With Table 3 an update adds some 4,000 samples to 50,000, so that a sample is drawn for about a
@@ -21,7 +21,8 @@ dozen updates after it was made: the gradient is off-policy by as much as the po
 paper writes, `importance=c` weighs each sample by pi/mu, at most c, where mu drew it. Metrics show how far it is in any case:
 mean age in updates, mean log mu - log pi, and the share of the batch that is left as effective sample size.
 
-*G = sum of gamma^(k-t-1) R_k.* The return from t on.
+*G = sum of gamma^(k-t-1) R_k.* The return from t on. `standardise=trajectory` gives the returns of each unit in each match mean 0
+and standard deviation 1, which leaves only what changes within a match, and credits none where nothing did.
 
 *theta = theta + alpha gamma^t G grad log pi.* `discount_steps` is the gamma^t. With a terminal reward, gamma^t times
 gamma^(T-t-1) R_T is gamma^(T-1) R_T: every step of a match gets the same credit, first and last, good and bad, and only
@@ -35,7 +36,15 @@ of the batch, `optimiser=adam`, the default, gives the mean gradient to Adam: pu
 `policies=shared` gives all the same weights, `policies=each` has a network for each index of a unit.
 
 *Figure 3, the board of codes.* A unit's view is one plane of the codes of Table 2, as they stand. A convolution finds it hard to
-tell 7, the flag, from 8, an obstacle; `codes=planes` gives each code a plane of its own.
+tell 7, the flag, from 8, an obstacle; `codes=planes` gives each code a plane of its own, and `codes=signed` has six planes: what
+is hidden, ground, units on foot, units in the air, flags and obstacles, each 1 where it is own or nobody's, and -1 where it is
+the enemy's. What lies off the board is hidden as well, or with `edge=obstacle` an obstacle.
+
+*The nearest code that is public*, a notebook of 2018 in a fork of ctf_public (skim0119/ctf_public, ctf_train.ipynb), has the
+numbers of Table 3 and reads the rest otherwise: `window=21`, `edge=obstacle`, `codes=signed`, `discount_steps=false`,
+`reward=differences`, `stall=-30`, a batch for every match, whose gradients are added up to the next update (`batch=20000`), and
+20 matches at random before all (`warmup=20`). Its versions disagree on whether hidden cells, obstacles and own ground show as 0
+or 1; `signed` shows all of them.
 
 *Self-play: after the policy update, we upgraded the policy of the opponent team with the current best model.* `opponent=self`
 plays against the policy of the last update; any other name is a fighter. What the opponent sees is not learned from.
@@ -56,9 +65,16 @@ from policies.training.replay import Replay, Samples
 
 _CPU_CHUNK = 8 * CHUNK
 """Samples in one pass of back-propagation on a CPU: more would no longer fit its caches."""
+_ALIKE = 1e-6
+"""A standard deviation below this is none."""
+
+METRICS = ("entropy", "gap", "effective", "credit", "credit_spread", "norm", "age")
+"""What an update tells of itself."""
 
 
-def credit(stream: NDArray[np.float64], length: NDArray[np.int64], reward: str, gamma: float) -> NDArray[np.float64]:
+def credit(
+    stream: NDArray[np.float64], length: NDArray[np.int64], reward: str, gamma: float, extra: NDArray[np.float64] | float = 0.0
+) -> NDArray[np.float64]:
     """Return G of Algorithm 1 for every tick.
 
     Parameters
@@ -69,6 +85,8 @@ def credit(stream: NDArray[np.float64], length: NDArray[np.int64], reward: str, 
         Shape (n,): ticks of each match.
     reward
         A reading of R, see `ReinforceSettings.reward`.
+    extra
+        Shape (n,): what the last tick of each match pays besides.
 
     Returns
     -------
@@ -82,12 +100,27 @@ def credit(stream: NDArray[np.float64], length: NDArray[np.int64], reward: str, 
         paid = np.where(ticks < length, stream, 0.0)
     else:
         paid = np.where(ticks < length, np.diff(stream, axis=0, prepend=0.0), 0.0)
+    paid = paid + np.where(ticks == length - 1, extra, 0.0)
     returned = np.zeros_like(paid)
     ahead = np.zeros(paid.shape[1])
     for tick in reversed(range(len(paid))):
         ahead = paid[tick] + gamma * ahead
         returned[tick] = ahead
     return returned
+
+
+def standardise(returned: NDArray[np.float64], trajectory: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Give the returns of each trajectory mean 0 and standard deviation 1; those that are all alike become 0.
+
+    Parameters
+    ----------
+    trajectory
+        Shape (n,): the number of the trajectory that each sample belongs to, from 0.
+    """
+    n = np.maximum(np.bincount(trajectory), 1)
+    apart = returned - (np.bincount(trajectory, returned) / n)[trajectory]
+    spread = np.sqrt(np.bincount(trajectory, apart**2) / n)
+    return np.asarray(apart / np.maximum(spread, _ALIKE)[trajectory])
 
 
 class Reinforcer:

@@ -4,6 +4,7 @@ What was left out, and why: the replay is not saved, since it would be as large 
 anew, so that its first dozen updates draw from fewer and younger samples than they would have.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ import torch
 from arena.envs.batched import BatchedEnv
 from arena.errors import InputError
 from arena.game.ruleset import load as load_rules
-from arena.game.types import Team
+from arena.game.types import Code, Team
 from arena.policy import BatchPolicy
 from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
 from policies.networks.models import PaperTeam
@@ -25,7 +26,7 @@ from policies.training.curriculum import PROGRESS, check_start
 from policies.training.folder import LAST, STEP, RunFolder
 from policies.training.parallel import Processes
 from policies.training.record import Record, ReportProgress
-from policies.training.reinforce import Reinforcer
+from policies.training.reinforce import METRICS, Reinforcer
 from policies.training.reinforce_settings import SELF, ReinforceSettings
 from policies.training.trajectories import Outcome, RoundPlayer
 
@@ -80,7 +81,7 @@ class ReinforceRun:
         if settings.update_every < processes.n:
             raise InputError(f"update_every is {settings.update_every}; {processes.n} processes need a match each")
         torch.manual_seed(settings.seed)
-        network = PaperTeam(settings.window, settings.agents(n_units), settings.planes)
+        network = PaperTeam(settings.window, settings.agents(n_units), settings.planes, settings.edge_code)
         if start:
             _transfer(Path(start), self.ruleset.name, network)
         self.learner = Reinforcer(network, settings, processes, device)
@@ -145,11 +146,11 @@ class ReinforceRun:
         return load(self.settings.opponent)(self.ruleset, Team.RED, n_rows)
 
     def _round(self) -> None:
-        """Play as many matches as an update needs, and update."""
-        learner = self.learner
-        samples, outcome = self._rounds.play_round(learner.to_act(), self.counts.step)
+        """Play as many matches as an update needs, and update; in the warm-up only play, and at random."""
+        learner, is_warmup = self.learner, self.counts.episodes < self.settings.warmup
+        samples, outcome = self._rounds.play_round(None if is_warmup else learner.to_act(), self.counts.step)
         learner.replay.add(samples)
-        metrics = learner.update(self.counts.step, self._rng)
+        metrics = dict.fromkeys(METRICS, math.nan) if is_warmup else learner.update(self.counts.step, self._rng)
         self._note(len(samples.unit), outcome, metrics)
 
     def _note(self, n_samples: int, outcome: Outcome, metrics: Mapping[str, float]) -> None:
@@ -192,9 +193,11 @@ def _transfer(path: Path, rules: str, network: PaperTeam) -> None:
     if not isinstance(before, PaperTeam):
         raise InputError(f"cannot start from {path}: it holds a {checkpoint.manifest.network} network, not one of the paper's")
     check_start(path, checkpoint.manifest, load_rules(rules))
-    for name in ("window", "planes"):
+    for name in ("window", "planes", "edge"):
         found, wanted = getattr(before, name), getattr(network, name)
         if found != wanted:
+            if name == "edge":
+                found, wanted = (Code(one).name.lower() for one in (found, wanted))
             raise InputError(f"cannot start from {path}: its {name} is {found}, and the settings ask for {wanted}")
     for index, member in enumerate(network.members):
         member.load_state_dict(before.members[index % before.agents].state_dict())

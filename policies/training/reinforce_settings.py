@@ -7,17 +7,20 @@ from typing import Any
 from arena.errors import InputError
 from arena.game.ruleset import parse_overrides
 from arena.game.types import Code
-from policies.networks.checkpoint import MOST_AGENTS
+from policies.networks.checkpoint import MOST_AGENTS, MOST_WINDOW
 from policies.networks.first_person import WINDOW
+from policies.networks.models import SIGNED_PLANES
 from policies.training.settings import read_values
 
 SELF = "self"
 READINGS = {
     "policies": ("shared", "each"),
     "reward": ("terminal", "stream", "differences"),
+    "standardise": ("none", "trajectory"),
     "baseline": ("none", "mean"),
     "optimiser": ("adam", "ascent"),
-    "codes": ("raw", "planes"),
+    "codes": ("raw", "planes", "signed"),
+    "edge": ("hidden", "obstacle"),
 }
 """The switches that are words, and the words that each takes; the first is the default."""
 
@@ -37,8 +40,14 @@ class ReinforceSettings:
     batch: int = 2_000
     updates: int = 1
     """Batches drawn, and steps taken, per update."""
+    warmup: int = 0
+    """Matches at the start in which all units act at random; they fill the replay, and no update comes before their end."""
     policies: str = "shared"
     reward: str = "terminal"
+    stall: float = 0.0
+    """Points that the last tick of a match pays besides, if it ran out of ticks."""
+    standardise: str = "none"
+    """Whether the returns of each unit in each match are given mean 0 and standard deviation 1."""
     discount_steps: bool = True
     """Whether a step counts gamma^t times, as Algorithm 1 has it and most implementations have not."""
     importance: float = 0.0
@@ -48,7 +57,10 @@ class ReinforceSettings:
     """Whether returns are divided by their standard deviation in the batch."""
     optimiser: str = "adam"
     codes: str = "raw"
-    """How the board is shown: as one plane of raw codes, which is the paper's way, or as a plane for each code."""
+    """How the board is shown: as one plane of raw codes, which is the paper's way, as a plane for each code, or as six planes in
+    which own is 1 and the enemy's is -1."""
+    edge: str = "hidden"
+    """What cells off the board look like."""
     entropy: float = 0.0
     """Weight of the policy's entropy; the paper has none."""
     opponent: str = SELF
@@ -62,12 +74,16 @@ class ReinforceSettings:
         for name, words in READINGS.items():
             if getattr(self, name) not in words:
                 raise InputError(f"the setting {name} is {getattr(self, name)!r}; it must be one of {', '.join(words)}")
-        for name, least in {"update_every": 1, "buffer": 1, "batch": 2, "updates": 1, "window": 7}.items():
+        for name, least in {"update_every": 1, "buffer": 1, "batch": 2, "updates": 1, "warmup": 0, "window": 7}.items():
             if getattr(self, name) < least:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least {least}")
+        if self.window > MOST_WINDOW:
+            raise InputError(f"the setting window is {self.window}; it must be at most {MOST_WINDOW}")
         for name, most in {"gamma": 1.0, "rate": 1.0}.items():
             if not 0 < getattr(self, name) <= most:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be above 0, and {most:g} at most")
+        if not -100 <= self.stall <= 100:
+            raise InputError(f"the setting stall is {self.stall}; it must be from -100 to 100, as scores are")
         for name in ("importance", "entropy"):
             if not 0 <= getattr(self, name) < float("inf"):
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be 0 or more")
@@ -79,7 +95,12 @@ class ReinforceSettings:
     @property
     def planes(self) -> int:
         """Planes of a unit's view, as `networks.PaperNetwork` has them."""
-        return len(Code) if self.codes == "planes" else 1
+        return {"raw": 1, "planes": len(Code), "signed": len(SIGNED_PLANES)}[self.codes]
+
+    @property
+    def edge_code(self) -> Code:
+        """What cells off the board show."""
+        return Code[self.edge.upper()]
 
     def agents(self, n_units: int) -> int:
         """Return how many policies a team of `n_units` has."""

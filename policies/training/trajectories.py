@@ -16,7 +16,7 @@ from arena.policy import BatchPolicy
 from policies.networks.first_person import FirstPerson
 from policies.networks.learned import choose, infer_units
 from policies.networks.models import N_ACTIONS, PaperTeam
-from policies.training.reinforce import credit
+from policies.training.reinforce import credit, standardise
 from policies.training.reinforce_settings import ReinforceSettings
 from policies.training.replay import Samples
 
@@ -38,10 +38,10 @@ class Outcome:
 class _Side:
     """One team's units, when the learner plays them."""
 
-    def __init__(self, env: BatchedEnv, team: Team, window: int) -> None:
+    def __init__(self, env: BatchedEnv, team: Team, settings: ReinforceSettings) -> None:
         flies = np.array([unit.flies for unit in env.ruleset.team(team)], np.uint8)
         self.team = team
-        self._views = FirstPerson(team, env.ruleset.side, flies, env.n_games, window)
+        self._views = FirstPerson(team, env.ruleset.side, flies, env.n_games, settings.window, settings.edge_code)
         self._logits = np.zeros((env.n_games, len(flies), N_ACTIONS), np.float32)
         self._actions = np.zeros((env.n_games, len(flies)), np.int8)
         self.row, self.unit = np.zeros((2, 0), np.int64)
@@ -72,16 +72,18 @@ class RoundPlayer:
     def __init__(self, env: BatchedEnv, opponent: BatchPolicy | None, settings: ReinforceSettings) -> None:
         self.env, self.opponent, self._settings = env, opponent, settings
         played = (Team.BLUE, Team.RED) if opponent is None else (Team.BLUE,)
-        self._sides = [_Side(env, team, settings.window) for team in played]
+        self._sides = [_Side(env, team, settings) for team in played]
         self._orders = {team: np.zeros((env.n_games, len(env.ruleset.team(team))), np.int8) for team in Team}
 
-    def play_round(self, network: PaperTeam, update: int) -> tuple[Samples, Outcome]:
+    def play_round(self, network: PaperTeam | None, update: int) -> tuple[Samples, Outcome]:
         """Play one match in every row, from its first tick to its last, with one policy throughout.
 
         A row whose match has ended waits for the others: what follows in it is not part of the round.
 
         Parameters
         ----------
+        network
+            Plays; where it is None, all units that it would play act at random.
         update
             Updates that the policy has behind it; the matches of a round depend on this number, and on those before in nothing.
         """
@@ -94,7 +96,7 @@ class RoundPlayer:
         where: list[NDArray[np.intp]] = []
         scores: list[NDArray[np.int32]] = []
         length, seen_share = np.zeros(n_games, np.int64), np.zeros(n_games)
-        is_won, is_captured = np.zeros((2, n_games), np.bool_)
+        is_won, is_captured, has_run_out = np.zeros((3, n_games), np.bool_)
         while is_playing.any():
             seen = env.observe()
             seen_share += is_playing * (seen[Team.BLUE].ground[:, : env.ruleset.side**2] != Code.HIDDEN).mean(1)
@@ -107,21 +109,25 @@ class RoundPlayer:
             length[ends] = turn.ticks[ends]
             is_won |= ends & (turn.winner == Team.BLUE)
             is_captured |= ends & (turn.winner == Team.BLUE) & (turn.ending == Termination.CAPTURE)
+            has_run_out |= ends & (turn.ending == Termination.TICK_LIMIT)
             is_playing &= ~turn.has_ended
             if self.opponent is not None:
                 self.opponent.start(np.flatnonzero(turn.has_ended))
         stream = np.array(scores, np.float64)
-        returned = credit(stream, length, self._settings.reward, self._settings.gamma)
+        settings = self._settings
+        returned = credit(stream, length, settings.reward, settings.gamma, np.where(has_run_out, settings.stall, 0.0))
         whole = Samples(*(torch.cat(parts) for parts in zip(*ticks, strict=True)))
-        each = np.concatenate([returned[tick, rows] for tick, rows in enumerate(where)]).astype(np.float32)
+        each = np.concatenate([returned[tick, rows] for tick, rows in enumerate(where)])
+        if settings.standardise == "trajectory":
+            each = standardise(each, np.concatenate(where) * self._orders[Team.BLUE].shape[1] + whole.unit.numpy())
         outcome = Outcome(
             score=stream[length - 1, np.arange(n_games)], is_won=is_won, is_captured=is_captured, ticks=length,
             seen=seen_share / length,
         )  # fmt: skip
-        return whole._replace(returned=torch.from_numpy(each)), outcome
+        return whole._replace(returned=torch.from_numpy(each.astype(np.float32))), outcome
 
     def _decide(
-        self, network: PaperTeam, seen: dict[Team, Observations], is_playing: NDArray[np.bool_], tick: int, update: int
+        self, network: PaperTeam | None, seen: dict[Team, Observations], is_playing: NDArray[np.bool_], tick: int, update: int
     ) -> tuple[Samples, NDArray[np.intp]]:
         """Write all orders of a tick; return what blue's living units of rows that play saw and did, and the row of each.
 
@@ -130,7 +136,7 @@ class RoundPlayer:
         views = torch.from_numpy(np.concatenate([side.look(seen[side.team], is_playing) for side in self._sides]))
         unit = torch.from_numpy(np.concatenate([side.unit for side in self._sides]))
         n = len(self._sides[0].row)
-        logits = infer_units(network, views, unit)
+        logits = np.zeros((len(unit), N_ACTIONS), np.float32) if network is None else infer_units(network, views, unit)
         drawn = [
             side.draw(part, seen[side.team], self._orders[side.team])
             for side, part in zip(self._sides, np.split(logits, [n]), strict=False)

@@ -112,6 +112,28 @@ def test_a_checkpoint_that_is_too_large_is_not_written(tmp_path: Path, saved: Pa
     assert saved.read_bytes() == before
 
 
+def test_a_checkpoint_of_a_window_that_holds_the_whole_board_comes_back(tmp_path: Path) -> None:
+    network = PaperTeam(window=39, edge=Code.OBSTACLE)
+    save_checkpoint(tmp_path / "wide.safetensors", network.state_dict(), manifest_of(network))
+
+    back = load_checkpoint(tmp_path / "wide.safetensors").network
+
+    assert isinstance(back, PaperTeam)
+    assert (back.window, back.edge) == (39, Code.OBSTACLE)
+
+
+def test_a_checkpoint_of_the_paper_that_does_not_name_its_edge_shows_it_as_hidden(tmp_path: Path) -> None:
+    network = PaperTeam(7)
+    save_checkpoint(tmp_path / "old.safetensors", network.state_dict(), manifest_of(network))
+
+    old = load_checkpoint(rewritten(tmp_path / "old.safetensors", shape={"window": 7, "agents": 1, "planes": 1})).network
+
+    assert isinstance(old, PaperTeam)
+    assert old.edge == Code.HIDDEN
+    with pytest.raises(PolicyError, match="no network of the paper"):
+        load_checkpoint(rewritten(tmp_path / "old.safetensors", shape={"window": 7, "agents": 1, "planes": 1, "edge": 3}))
+
+
 def test_a_disk_that_refuses_leaves_what_was_there(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
@@ -125,10 +147,11 @@ def test_a_disk_that_refuses_leaves_what_was_there(saved: Path, monkeypatch: pyt
     assert [file.name for file in saved.parent.iterdir()] == [saved.name]
 
 
-@pytest.mark.parametrize("kind", ["team", "paper", "planes"])
+@pytest.mark.parametrize("kind", ["team", "paper", "planes", "signed"])
 @pytest.mark.parametrize("rules", [{}, {"side": 16, "units": {"ugv": {"blue": 2}, "uav": {"blue": 0}}}])
 def test_a_checkpoint_plays_as_any_fighter(tmp_path: Path, kind: str, rules: dict[str, object]) -> None:
-    network = TeamNetwork(SMALL) if kind == "team" else PaperTeam(planes=len(Code) if kind == "planes" else 1)
+    planes = {"paper": 1, "planes": len(Code), "signed": 6}
+    network = TeamNetwork(SMALL) if kind == "team" else PaperTeam(planes=planes[kind])
     save_checkpoint(tmp_path / "one.safetensors", network.state_dict(), manifest_of(network))
     ruleset = PAPER.with_(rules)
     env, n_games = BatchedEnv(ruleset, 20, seed=5), 20

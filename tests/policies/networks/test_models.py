@@ -58,6 +58,27 @@ def test_a_plane_for_each_code_shows_what_the_raw_codes_show() -> None:
     assert seen[0][1, 0, 0:5, 5:10].all()
 
 
+def test_signed_planes_are_1_for_own_and_minus_1_for_the_enemy() -> None:
+    made = PaperNetwork(window=7, planes=6)
+    views = torch.full((1, 7, 7), int(Code.HIDDEN), dtype=torch.int8)
+    views[0, 0] = torch.tensor([Code.BLUE_HALF, Code.RED_HALF, Code.BLUE_UGV, Code.RED_UGV, Code.BLUE_UAV, Code.RED_UAV, 8])
+    views[0, 1, :2] = torch.tensor([Code.BLUE_FLAG, Code.RED_FLAG])
+    seen: list[torch.Tensor] = []
+    made.first.register_forward_pre_hook(lambda *told: seen.append(told[1][0]))
+
+    made(views)
+
+    hidden, ground, ugv, uav, flag, obstacle = seen[0][0].tolist()
+    nothing = [0.0] * 7
+    assert ground[0] == [1, -1, 0, 0, 0, 0, 0]
+    assert ugv[0] == [0, 0, 1, -1, 0, 0, 0]
+    assert uav[0] == [0, 0, 0, 0, 1, -1, 0]
+    assert flag[:2] == [nothing, [1, -1, 0, 0, 0, 0, 0]]
+    assert obstacle[:2] == [[0, 0, 0, 0, 0, 0, 1], nothing]
+    assert hidden == [nothing, [0, 0, 1, 1, 1, 1, 1], *[[1.0] * 7] * 5]
+    assert "signs" not in made.state_dict()
+
+
 @pytest.mark.parametrize(("side", "n_ugv", "n_uav"), [(20, 4, 2), (16, 1, 0), (28, 8, 2), (20, 0, 3)])
 def test_the_team_network_takes_any_board_and_team(side: int, n_ugv: int, n_uav: int) -> None:
     units = {"ugv": {"blue": n_ugv, "red": n_ugv}, "uav": {"blue": n_uav, "red": n_uav}}

@@ -1,4 +1,4 @@
-"""Figures from metrics: means over seeds and their spread, when a run has converged, and charts that are well-formed."""
+"""Figures from metrics: means over seeds and their spread, and charts that are well-formed."""
 
 import csv
 import json
@@ -13,7 +13,7 @@ import pytest
 
 from arena.errors import InputError
 from policies.training.budget import Budget
-from policies.training.figures import Trace, curve, group, has_converged, read_traces, summarise, write_figures
+from policies.training.figures import Trace, curve, group, read_traces, summarise, write_figures
 from policies.training.folder import METRICS, RunFolder
 from policies.training.reinforce_settings import ReinforceSettings
 
@@ -56,20 +56,20 @@ def test_a_point_of_a_curve_is_the_mean_of_the_episodes_before_it() -> None:
     assert at[2_000] == 1
 
 
-@pytest.mark.parametrize(("score", "is_converged"), [
-    ([10.0] * 200 + [11.9] * 200, True), ([10.0] * 200 + [12.1] * 200, False), ([10.0] * 399, False),
-    ([-50.0] * 300 + [10.0] * 400, True),
-])  # fmt: skip
-def test_a_run_has_converged_when_4000_episodes_hardly_differ(score: list[float], is_converged: bool) -> None:
-    assert has_converged(trace(score)) == is_converged
-
-
 def test_a_summary_tells_begin_best_and_end(tmp_path: Path) -> None:
     found = summarise([trace([0.0] * 50 + [80.0] * 100 + [40.0] * 400), trace([0.0] * 50 + [80.0] * 100 + [44.0] * 400, 2)])
 
     assert (found.seeds, found.episodes, found.converged) == (2, 5_500, 2)
     assert (found.first_score, found.best_score, found.last_score) == (0, 80, 42)
     assert (found.last_low, found.last_high) == (40, 44)
+    assert (found.slope, found.slope_low, found.slope_high, found.verdict) == (0, 0, 0, "converged")
+
+
+def test_a_summary_tells_seeds_that_converge_from_those_that_do_not() -> None:
+    found = summarise([trace([20.0] * 500), trace([0.1 * number for number in range(500)], 2)])
+
+    assert (found.verdict, found.converged) == ("rises", 1)
+    assert found.slope == pytest.approx(50)  # the mean of 0 and 0.1 a round of 10
 
 
 def test_every_figure_is_drawn_from_the_runs_of_its_stages(tmp_path: Path) -> None:
@@ -87,6 +87,7 @@ def test_every_figure_is_drawn_from_the_runs_of_its_stages(tmp_path: Path) -> No
     assert "exp1, reward=stream, 1 seed" in texts
     assert "exp3, as in the paper, 3 seeds" not in texts
     summary = json.loads((tmp_path / "out" / "figures.json").read_text())
+    assert {(one["slope"], one["slope_low"], one["slope_high"], one["verdict"]) for one in summary} == {(0, 0, 0, "converged")}
     assert [(one["rules"], one["last_low"], one["last_high"]) for one in summary if one["seeds"] == 3] == [
         (rules, 10.0, 30.0) for rules in ("exp1", "exp3", "exp4")
     ]

@@ -16,7 +16,7 @@ from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from policies.networks import checkpoint
-from policies.networks.checkpoint import load_checkpoint
+from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
 from policies.networks.learned import LearnedUnits
 from policies.networks.models import PaperTeam
 from policies.registry import load
@@ -24,11 +24,11 @@ from policies.training.budget import Budget
 from policies.training.folder import LAST, METRICS, RunFolder
 from policies.training.gradients import TrainingError
 from policies.training.parallel import Processes
-from policies.training.reinforce import Reinforcer, credit
+from policies.training.reinforce import Reinforcer, credit, standardise
 from policies.training.reinforce_run import ReinforceRun
 from policies.training.reinforce_settings import ReinforceSettings, from_dict
 from policies.training.replay import Replay, Samples
-from policies.training.trajectories import RoundPlayer
+from policies.training.trajectories import Outcome, RoundPlayer
 
 torch.set_num_threads(1)
 EXP1 = load_rules("exp1")
@@ -78,6 +78,20 @@ def test_returns_are_the_sum_of_algorithm_1_for_every_reading_of_the_reward(rewa
             # R_k is what action k - 1 led to: counted from 0, G sums gamma^(k - t) of rewards[k] from k = t on.
             wanted = sum(gamma ** (k - t) * rewards[k] for k in range(t, last))
             assert returned[t, match] == pytest.approx(wanted)
+
+
+def test_a_match_that_runs_out_pays_extra_at_its_last_tick() -> None:
+    stream, length = np.array([[0.0, 0.0], [0.0, 100.0], [-10.0, 5.0]]), np.array([3, 2])
+
+    plain, stalled = (credit(stream, length, "differences", 0.5, extra) for extra in (0.0, np.array([-30.0, 0.0])))
+
+    np.testing.assert_allclose(stalled - plain, [[-7.5, 0], [-15, 0], [-30, 0]])
+
+
+def test_standardised_returns_have_mean_0_and_deviation_1_in_each_trajectory() -> None:
+    returned, trajectory = np.array([1.0, 5.0, 3.0, 5.0, 10.0, 5.0]), np.array([0, 4, 0, 4, 2, 4])
+
+    np.testing.assert_allclose(standardise(returned, trajectory), [-1, 0, 1, 0, 0, 0])
 
 
 def test_the_replay_forgets_the_oldest_and_draws_from_all_alike() -> None:
@@ -226,6 +240,35 @@ def test_a_round_is_each_row_s_match_from_its_start_to_its_end(tiny: str) -> Non
     assert not torch.equal(played.views[:24], again.views[:24])  # other maps
 
 
+def test_a_round_pays_for_what_ran_out_and_standardises_each_unit_s_returns(tiny: str) -> None:
+    def play(**changes: object) -> tuple[Samples, Outcome]:
+        torch.manual_seed(0)
+        return RoundPlayer(BatchedEnv(load_rules(tiny), 12, seed=1), None, replace(SETTINGS, **changes)).play_round(
+            PaperTeam(7), 0
+        )
+
+    plain, outcome = play()
+    stalled, _ = play(stall=-30)
+    standard, _ = play(standardise="trajectory")
+
+    last = (plain.tick == 19) & (plain.returned == 0)
+    assert last.any()
+    assert (stalled.returned[last] == -30).all()
+    assert torch.equal((stalled.returned - plain.returned) != 0, plain.returned == 0)  # what captured pays as before
+    moved = standard.returned[plain.returned != 0]
+    assert moved.sum() == pytest.approx(0, abs=1e-3)
+    assert moved.square().sum() == pytest.approx(len(moved), rel=1e-4)
+    assert len(moved) == 2 * outcome.ticks[outcome.is_captured].sum()
+    assert not standard.returned[plain.returned == 0].any()
+
+
+def test_units_act_at_random_where_no_network_plays(tiny: str) -> None:
+    played, _ = stage(load_rules(tiny), 12).play_round(None, 0)
+
+    np.testing.assert_allclose(played.logp, np.log(0.2), rtol=1e-6)
+    np.testing.assert_allclose(np.bincount(played.action, minlength=5) / len(played.action), 0.2, atol=0.06)
+
+
 def test_the_fallen_decide_no_more_and_share_the_score_of_the_end() -> None:
     ruleset = load_rules("exp2").with_({"side": 10, "tick_limit": 40})
     torch.manual_seed(0)
@@ -272,6 +315,48 @@ def test_a_run_goes_on_where_it_was_stopped_and_can_be_played(tmp_path: Path, ti
     orders = np.full((3, 4), -1, np.int8)
     fighter.act(BatchedEnv(EXP1, 3, seed=1).observe()[Team.BLUE], orders)
     assert ((orders >= 0) & (orders < 5)).all()
+
+
+def test_no_update_comes_before_the_end_of_the_warm_up(tmp_path: Path, tiny: str) -> None:
+    RunFolder(tmp_path / "run").create({})
+    run = run_of(tmp_path / "run", replace(SETTINGS, rules=tiny, warmup=8), 16)
+    before = {name: one.clone() for name, one in run.learner.network.state_dict().items()}
+    asked = iter(range(100))
+    run.train(lambda: next(asked) >= 2)
+
+    assert run.counts.episodes == 8
+    assert run.learner.replay.n > 0
+    assert all(torch.equal(before[name], one) for name, one in run.learner.network.state_dict().items())
+
+    run = run_of(tmp_path / "run", replace(SETTINGS, rules=tiny, warmup=8), 16)
+    assert run.train(lambda: False)
+    assert [row["norm"] == "nan" for row in rows_of(tmp_path / "run")] == [True, True, False, False]
+    assert not all(torch.equal(before[name], one) for name, one in run.learner.network.state_dict().items())
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, replace(SETTINGS, window=9, codes="signed", edge="obstacle")])
+def test_a_seat_shows_a_network_what_it_was_trained_on(tmp_path: Path, settings: ReinforceSettings) -> None:
+    ruleset = load_rules("exp4").with_({"side": 10, "tick_limit": 3})
+    saved = tmp_path / "one.safetensors"
+    torch.manual_seed(0)
+    network = PaperTeam(settings.window, 1, settings.planes, settings.edge_code)
+    save_checkpoint(saved, network.state_dict(), describe(network, ruleset, {}))
+    player = RoundPlayer(BatchedEnv(ruleset, 2, seed=1), load("random")(ruleset, Team.RED, 2), settings)
+    trained, _ = player.play_round(network, 0)
+    played: list[torch.Tensor] = []
+
+    seat = load(str(saved))(ruleset, Team.BLUE, 2)
+    assert isinstance(seat, LearnedUnits)
+    seat._fast.members[0].first.register_forward_pre_hook(lambda _, given: played.append(given[0]))
+    env, orders = BatchedEnv(ruleset, 2, seed=1), np.zeros((2, 6), np.int8)
+    env.skip_to(np.zeros(2, np.int64))
+    seat.act(env.observe()[Team.BLUE], orders)
+    learned: list[torch.Tensor] = []
+    network.members[0].first.register_forward_pre_hook(lambda _, given: learned.append(given[0]))
+    Reinforcer(network, settings, Processes()).backward(Samples(*(one[:12] for one in trained)))
+
+    assert torch.equal(played[0], learned[0])
+    assert (trained.views[:12] == settings.edge_code).any()
 
 
 @pytest.mark.parametrize("policies", [1, 3])
@@ -345,13 +430,17 @@ def test_a_policy_of_other_planes_is_no_start(tmp_path: Path) -> None:
     run_of(first, settings, 1).train(lambda: False)
     with pytest.raises(InputError, match="planes is 1, and the settings ask for 10"):
         run_of(tmp_path / "planes", replace(settings, codes="planes"), 1, start=str(first / LAST))
+    with pytest.raises(InputError, match="edge is hidden, and the settings ask for obstacle"):
+        run_of(tmp_path / "edge", replace(settings, edge="obstacle"), 1, start=str(first / LAST))
 
 
 @pytest.mark.parametrize(
     ("assignment", "reason"),
     [
         ("reward=final", "must be one of terminal"), ("gamma=0", "above 0"), ("batch=1", "at least 2"),
-        ("normalise=1", "true or"), ("importance=-1", "0 or more"),
+        ("normalise=1", "true or"), ("codes=signs", "raw, planes, signed"), ("edge=wall", "hidden, obstacle"),
+        ("window=65", "at most 64"), ("stall=-101", "from -100 to 100"),
+        ("standardise=batch", "none, trajectory"), ("warmup=-1", "at least 0"), ("importance=-1", "0 or more"),
     ],
 )  # fmt: skip
 def test_settings_name_what_is_wrong(assignment: str, reason: str) -> None:
@@ -362,7 +451,8 @@ def test_settings_name_what_is_wrong(assignment: str, reason: str) -> None:
 
 
 def test_settings_come_back_from_a_folder_as_they_were() -> None:
-    settings = ReinforceSettings().with_(["reward=stream", "normalise=true", "importance=2"])
+    settings = ReinforceSettings().with_(["reward=stream", "normalise=true", "importance=2", "stall=-30", "edge=obstacle"])
 
     assert (settings.reward, settings.normalise, settings.importance) == ("stream", True, 2.0)
+    assert (settings.stall, settings.edge) == (-30.0, "obstacle")
     assert from_dict(json.loads(json.dumps({name: getattr(settings, name) for name in settings.__slots__}))) == settings
