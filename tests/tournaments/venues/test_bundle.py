@@ -10,6 +10,7 @@ import pytest
 import tournaments.venues.bundle as bundles
 from arena.errors import InputError
 from arena.submission import MARK
+from policies.registry import split_settings
 from tournaments.venues.bundle import pack
 
 
@@ -32,6 +33,16 @@ def test_a_file_is_found_under_its_own_name_and_a_fighter_of_ours_stays_a_name(t
     assert Path(place).name == "bot.py"
     assert Path(place).read_text() == "now"
     assert sent("rush") == "rush"
+
+
+def test_the_settings_behind_a_checkpoint_s_name_come_along(tmp_path: Path) -> None:
+    (tmp_path / "best.safetensors").write_text("weights")
+
+    file, settings = split_settings(sent(f"{tmp_path / 'best.safetensors'}:temperature=0"))
+
+    assert settings == ":temperature=0"
+    assert Path(file).read_text() == "weights"
+    assert Path(file).parent != tmp_path
 
 
 def test_a_submission_comes_as_its_whole_folder(tmp_path: Path) -> None:
