@@ -59,9 +59,17 @@ def _check_sandbox() -> Finding:
 
 
 def _all_kernels() -> list[Kernel]:
-    """Return the kernels of the game and of each fighter; of networks, if what they are computed with is installed."""
+    """Return the kernels of the game, each fighter and the environments; of networks, if what computes them is installed."""
     networks = shipped() if find_spec("torch") else ()
-    return [*game_kernels(load("paper")), *fighter_kernels((*OWN, *networks))]
+    environments = Kernel(name="environments", run=_prepare_environments, seconds=2)
+    return [*game_kernels(load("paper")), *fighter_kernels((*OWN, *networks)), environments]
+
+
+def _prepare_environments() -> None:
+    """Compile, or load, what turns a bot's observation into an environment's."""
+    from arena.envs.views import prepare  # compiles as it is imported
+
+    prepare()
 
 
 def _check_pit(pit: str, authority: Path | None) -> Finding:
