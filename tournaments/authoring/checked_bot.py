@@ -48,6 +48,8 @@ class CheckedMatch:
     team: Team
     orders: list[tuple[int, ...]] = field(default_factory=list)
     took_s: list[float] = field(default_factory=list)
+    n_answered: int = 0
+    """Turns in which nothing was wrong with its orders."""
     ending: str = ""
     points: float | None = None
     is_broken: bool = False
@@ -143,6 +145,7 @@ class CheckedBot:
             turn = trial.play_turn()
             match.took_s.append(turn.took_s)
             match.orders.append(turn.orders)
+            match.n_answered += not turn.faults.reasons
             self._judge(match, turn.tick, turn.faults)
             if match.is_broken:
                 return
@@ -227,6 +230,8 @@ class CheckedBot:
         """Return what was found."""
         times = self._times()
         turn_time_s = self._clock.turn_time_s
+        if times is not None and not any(match.n_answered for match in self._matches):
+            self._find("silent", f"it gave orders in none of its {times.n_turns:,} turns", is_fatal=True)
         is_fine = not any(finding.is_fatal for finding in self._findings.values())
         if is_fine and times is not None and turn_time_s is not None and times.median_ms > 1000 * turn_time_s:
             slow = f"its turns take {times.median_ms / 1000:.2f} s in the median, and {turn_time_s:g} s are given"

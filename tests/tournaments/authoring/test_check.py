@@ -129,6 +129,7 @@ def test_a_bot_that_is_always_too_slow_would_be_forfeited(examine: Examine) -> N
             "bot.py, line 3",
         ),
         ("import os\ndef act(seen):\n    os._exit(3)\n", "its process ended with exit code 3"),
+        ("def act(seen):\n    return seen.nothing\n", "it gave orders in none of its"),
     ],
 )
 def test_what_a_league_would_refuse_is_told_in_a_sentence(examine: Examine, source: str, says: str) -> None:

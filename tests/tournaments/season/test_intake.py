@@ -71,6 +71,10 @@ BAD = {
     "hangs at once": (bot("while True: pass\n"), "it was not ready after 1 s"),
     "a checkpoint that is none": (Packed(kind="checkpoint", main="a.safetensors", files={"a.safetensors": b"x"}).pack(), ""),
     "a program that is not there": (Packed(kind="program", main="./gone", files={"program": b"./gone"}).pack(), ""),
+    "a program that hears one line": (
+        Packed(kind="program", main="sh -c 'read line'", files={"program": b""}).pack(),
+        "it gave orders in none of its",
+    ),
 }
 
 
