@@ -48,8 +48,8 @@ class CheckedMatch:
     team: Team
     orders: list[tuple[int, ...]] = field(default_factory=list)
     took_s: list[float] = field(default_factory=list)
-    n_answered: int = 0
-    """Turns in which nothing was wrong with its orders."""
+    has_answered: bool = False
+    """Whether there was a turn in which nothing was wrong with its orders."""
     ending: str = ""
     points: float | None = None
     is_broken: bool = False
@@ -145,7 +145,7 @@ class CheckedBot:
             turn = trial.play_turn()
             match.took_s.append(turn.took_s)
             match.orders.append(turn.orders)
-            match.n_answered += not turn.faults.reasons
+            match.has_answered |= not turn.faults.reasons
             self._judge(match, turn.tick, turn.faults)
             if match.is_broken:
                 return
@@ -230,12 +230,12 @@ class CheckedBot:
         """Return what was found."""
         times = self._times()
         turn_time_s = self._clock.turn_time_s
-        if times is not None and not any(match.n_answered for match in self._matches):
-            self._find("silent", f"it gave orders in none of its {times.n_turns:,} turns", is_fatal=True)
-        is_fine = not any(finding.is_fatal for finding in self._findings.values())
-        if is_fine and times is not None and turn_time_s is not None and times.median_ms > 1000 * turn_time_s:
-            slow = f"its turns take {times.median_ms / 1000:.2f} s in the median, and {turn_time_s:g} s are given"
-            self._find("slow", f"{slow}: its extra time would run out, and its matches be forfeited", is_fatal=True)
+        if times is not None and not any(finding.is_fatal for finding in self._findings.values()):
+            if not any(match.has_answered for match in self._matches):
+                self._find("silent", f"it gave orders in none of its {times.n_turns:,} turns", is_fatal=True)
+            elif turn_time_s is not None and times.median_ms > 1000 * turn_time_s:
+                slow = f"its turns take {times.median_ms / 1000:.2f} s in the median, and {turn_time_s:g} s are given"
+                self._find("slow", f"{slow}: its extra time would run out, and its matches be forfeited", is_fatal=True)
         growth = [after - before for before, after in zip(self._memory[1:], self._memory[2:], strict=False)]
         growth_bytes = round(median(growth)) if growth else None
         if growth_bytes is not None and growth_bytes > _LEAK_BYTES:
