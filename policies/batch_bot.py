@@ -12,8 +12,8 @@ from arena.bot_calls.current import END, START, Place
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team
-from arena.policy import BatchPolicy, Faults, MatchResult, Orders, explain_refusal
-from policies.each_seat import UNREADABLE, call_bot
+from arena.policy import BatchPolicy, Faults, MatchResult, Orders
+from policies.each_seat import UNREADABLE, call_bot, note_refusal
 
 stacks.OURS.add(__file__)
 _ARRAYS = [field.name for field in fields(Observations) if field.name not in ("team", "side")]
@@ -66,7 +66,7 @@ class GuardedBatch(BatchPolicy):
         if self._asks(running, _sealed(observations), given):
             is_wrong = ((given < min(Action)) | (given > max(Action))).any(axis=1)
             for seat in np.flatnonzero(is_wrong & self._is_running).tolist():
-                self._refuse(seat, given[seat], int(observations.tick[seat]))
+                note_refusal(self._faults[seat], given[seat].tolist(), given.shape[1], int(observations.tick[seat]))
                 given[seat] = UNREADABLE
         else:
             given[:] = UNREADABLE
@@ -110,11 +110,6 @@ class GuardedBatch(BatchPolicy):
             return True
 
         return bool(self._call(running, ask, ticks=observations.tick))
-
-    def _refuse(self, seat: int, given: NDArray[np.int8], tick: int) -> None:
-        kind, why = explain_refusal(given.tolist(), len(given))
-        self._faults[seat].illegal += 1
-        self._faults[seat].note(kind, f"tick {tick}: {why}; all its units stay")
 
     def _call(self, seats: Sequence[int], method: Callable[..., Any], *arguments: Any, ticks: NDArray[Any] | None = None) -> Any:
         place = self._places[seats[0]] if seats else Place("", self.team)

@@ -96,9 +96,7 @@ class EachSeat(BatchPolicy):
         answer = bot.act(observation)
         actions = read_actions(answer, n_units)
         if actions is None:
-            kind, why = explain_refusal(answer, n_units)
-            self._faults[seat].illegal += 1
-            self._faults[seat].note(kind, f"tick {observation.tick}: {why}; all its units stay")
+            note_refusal(self._faults[seat], answer, n_units, observation.tick)
         return actions
 
     def _notify(self, seat: int, event: str, message: MatchInfo | MatchResult, tick: int) -> None:
@@ -108,6 +106,13 @@ class EachSeat(BatchPolicy):
     def _call(self, seat: int, method: Callable[..., Any], *arguments: Any, tick: int = START) -> Any:
         """Return what a method of a bot returns, or None with the fault noted."""
         return call_bot(self._places[seat], [(self._faults[seat], tick)], method, *arguments)
+
+
+def note_refusal(faults: Faults, answer: Any, n_units: int, tick: int) -> None:
+    """Note why an answer is no orders."""
+    kind, why = explain_refusal(answer, n_units)
+    faults.illegal += 1
+    faults.note(kind, f"tick {tick}: {why}; all its units stay")
 
 
 def call_bot(place: Place, faults: Sequence[tuple[Faults, int]], method: Callable[..., Any], *arguments: Any) -> Any:

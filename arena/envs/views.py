@@ -24,7 +24,7 @@ N_SIGHTED = 3
 """Of an enemy in sight: row, column, type; all -1 where there is none."""
 PUBLIC = {name: spec for name, spec in FIELDS.items() if spec.is_public}
 _READ = {name: FIELDS[name].dtype for name in ("ground", "cell", "alive", "enemy_cell", "enemy_type")}
-_BOARD = {name: np.arange(n, dtype=np.int8) for name, n in (("codes", len(Code)), ("actions", len(Action)))}
+_CODES, _ACTIONS = np.arange(len(Code), dtype=np.int8) + np.int8(Code.HIDDEN), np.array(Action, np.int8)
 
 
 class TeamView:
@@ -38,16 +38,12 @@ class TeamView:
     """
 
     def __init__(self, ruleset: Ruleset, team: Team, frame: str = "board") -> None:
-        if frame not in FRAMES:
-            raise UnknownNameError("frame", frame, FRAMES)
         self.ruleset, self.team = ruleset, team
-        self._is_mirrored = frame == "own" and team is Team.RED
-        codes, self._actions = _BOARD["codes"] + np.int8(Code.HIDDEN), _BOARD["actions"]
+        self._is_mirrored, self._actions = _is_mirrored(team, frame), as_orders(_ACTIONS, team, frame=frame)
+        codes = _CODES.copy()
         if self._is_mirrored:
-            codes, self._actions = codes.copy(), self._actions.copy()
             for pair in (HALVES, UGVS, UAVS, FLAGS):
                 codes[np.array(pair) - Code.HIDDEN] = pair[::-1]
-            self._actions[[Action.EAST, Action.WEST]] = Action.WEST, Action.EAST
         stamps = [[codes[kind[side] - Code.HIDDEN] for kind in (UGVS, UAVS)] for side in (team.other, team)]
         types = [ruleset.units.index(kind) for kind in ruleset.team(team)]
         self._tables = (
@@ -171,15 +167,20 @@ def as_observations(
 
 def as_orders(actions: Any, team: Team, *, frame: str = "own") -> NDArray[np.int8]:
     """Return actions that were chosen in a frame as orders, of any shape; under `own`, red's east and west change places."""
-    if frame not in FRAMES:
-        raise UnknownNameError("frame", frame, FRAMES)
     orders = np.asarray(actions, np.int8)
-    if frame == "board" or team is Team.BLUE:
+    if not _is_mirrored(team, frame):
         return orders
     swapped: NDArray[np.int8] = np.where(
         orders == Action.EAST, Action.WEST, np.where(orders == Action.WEST, Action.EAST, orders)
     ).astype(np.int8)
     return swapped
+
+
+def _is_mirrored(team: Team, frame: str) -> bool:
+    """Whether what is east on the board is west in a team's frame."""
+    if frame not in FRAMES:
+        raise UnknownNameError("frame", frame, FRAMES)
+    return frame == "own" and team is Team.RED
 
 
 def load_rules(ruleset: Ruleset | str) -> Ruleset:

@@ -6,6 +6,7 @@ sides of maps it always loses, and which share of the variance of a match's poin
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import product
 
@@ -13,14 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.console import say
-from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
+from arena.game.keys import derive_map_key, secret_from_seed
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from arena.local.venue import play
-from arena.records.plan import LeagueMatchId, MatchPlan
+from arena.records.plan import MatchPlan
 from policies.registry import load_entry
 from tournaments.evaluation.evaluate import CANDIDATE
+from tournaments.fixture import plan_pair
 
 N_MAPS, N_REPLAYS = 20, 8
 SEED = 7
@@ -29,20 +31,17 @@ Floats = NDArray[np.float64]
 
 def play_again(ruleset: Ruleset, fighter: str, opponent: str, n_maps: int, n_replays: int) -> Floats:
     """Return the points of a fighter, shape (sides of maps, replays): only the chance of the fights differs between replays."""
-    secret = secret_from_seed(SEED)
-    plans: dict[str, tuple[int, int]] = {}
+    secret, plans = secret_from_seed(SEED), list[MatchPlan]()
+    places: dict[str, tuple[int, int]] = {}
+    for number, replay in product(range(n_maps), range(n_replays)):
+        for plan in plan_pair("luck", CANDIDATE, opponent, number * n_replays + replay, secret):
+            map_key = derive_map_key(secret, "luck", number)
+            plans.append(replace(plan, keys=replace(plan.keys, map_key=map_key)))
+            places[plan.identity] = len(Team) * number + plan.team(CANDIDATE), replay
     points = np.zeros((len(Team) * n_maps, n_replays))
-
-    def plan(team: Team, number: int, replay: int) -> MatchPlan:
-        blue, red = (CANDIDATE, opponent) if team is Team.BLUE else (opponent, CANDIDATE)
-        match = LeagueMatchId(league="luck", one=CANDIDATE, other=opponent, pair=number * n_replays + replay, blue=blue)
-        plans[str(match)] = len(Team) * number + team, replay
-        keys = MatchKeys(map_key=derive_map_key(secret, "luck", number), match_key=derive_match_key(secret, str(match)))
-        return MatchPlan(identity=str(match), blue=blue, red=red, keys=keys)
-
     load = partial(load_entry, {CANDIDATE: fighter, opponent: opponent})
-    for record in play(ruleset, [plan(*one) for one in product(Team, range(n_maps), range(n_replays))], load):
-        points[plans[record.plan.identity]] = record.points(CANDIDATE)
+    for record in play(ruleset, plans, load):
+        points[places[record.plan.identity]] = record.points(CANDIDATE)
     return points
 
 

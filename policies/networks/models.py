@@ -20,7 +20,7 @@ N_TRUTH_PLANES = 5
 SIGNED_PLANES: tuple[tuple[Code, ...], ...] = ((Code.HIDDEN,), HALVES, UGVS, UAVS, FLAGS, (Code.OBSTACLE,))
 """The codes of each of six planes: the first shows as 1; the second, the enemy's, as -1."""
 _INDEX_LETTERS = 8
-_NEVER = -1e4
+NEVER = -1e4
 """Logit of what cannot be done; finite, so that a product with zero stays zero."""
 
 
@@ -158,7 +158,7 @@ class TeamNetwork(nn.Module):
             parts.append(self.walkers(near[:, :n_walkers], around[:, :n_walkers]))
         if n_walkers < cell.shape[1]:
             parts.append(self.flyers(near[:, n_walkers:], around[:, n_walkers:]))
-        return torch.cat(parts, 1).float().masked_fill(legal == 0, _NEVER)
+        return torch.cat(parts, 1).float().masked_fill(legal == 0, NEVER)
 
     def _near(self, values: Tensor, cell: Tensor) -> Tensor:
         """Return the planes around each unit, distances as differences in steps; shape (n, units, patch * patch * planes)."""

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.errors import PolicyError
+from policies.networks.models import NEVER
 
 MOST_TEMPERATURE = 100.0
 """Beyond it, what is not legal would get a chance."""
-_NEVER = -1e4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ def at_temperature(logits: NDArray[np.float32], temperature: float) -> NDArray[n
     if temperature == 1:
         return logits
     if temperature == 0:
-        return np.where(logits == logits.max(-1, keepdims=True), 0.0, _NEVER).astype(np.float32)
+        return np.where(logits == logits.max(-1, keepdims=True), 0.0, NEVER).astype(np.float32)
     return logits / np.float32(temperature)
 
 
