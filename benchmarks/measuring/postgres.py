@@ -1,4 +1,4 @@
-"""A PostgreSQL of our own, which may be killed, stopped and started again, for benchmarks and tests; a running service is left alone."""
+"""A PostgreSQL of our own, which may be killed and started again, for benchmarks and tests; a running service is left alone."""
 
 import os
 import pwd
@@ -28,11 +28,12 @@ class Cluster:
         self._programs, self._folder, self._user = programs, folder, user
         self._databases = (f"store_{number}" for number in count(1))
         self._server: subprocess.Popen[bytes] | None = None
+        self._dead_since_s: float | None = None
         self.port = find_free_port()
         password = folder / "password"
         password.write_text(PASSWORD)
         password.chmod(0o644)
-        initdb = [
+        initdb: list[str | Path] = [
             programs / "initdb", "-D", folder / "data", "-U", "arena", "--no-sync", "--encoding=UTF8", "--locale=C.UTF-8",
             "--auth=scram-sha-256", f"--pwfile={password}",
         ]  # fmt: skip
@@ -53,13 +54,13 @@ class Cluster:
 
     def start(self) -> None:
         """Start the server, and wait until it takes connections."""
-        command = [
+        command: list[str | Path] = [
             self._programs / "postgres", "-D", self._folder / "data", "-p", str(self.port), "-k", self._folder,
             "-c", "listen_addresses=127.0.0.1", "-c", "fsync=off",  # processes are killed here, the power is never cut
         ]  # fmt: skip
         if shutil.which("setpriv"):  # end with whoever started it, however that ends
             command = ["setpriv", "--pdeathsig", "QUIT", *command]
-        is_ready = [self._programs / "pg_isready", "-q", "-h", "127.0.0.1", "-p", str(self.port)]
+        is_ready: list[str | Path] = [self._programs / "pg_isready", "-q", "-h", "127.0.0.1", "-p", str(self.port)]
         give_up_at = time.monotonic() + START_S
         with (self._folder / "log").open("ab") as log:
             while True:
@@ -76,21 +77,30 @@ class Cluster:
                 except subprocess.TimeoutExpired:
                     continue
 
-    def send(self, number: int) -> None:
-        """Send a signal to the server and all its children."""
-        assert self._server is not None
+    def tend(self, restart_s: float) -> None:
+        """Start the server again, so long after its end was seen here first."""
+        if self._server is None or self._server.poll() is None:
+            self._dead_since_s = None
+            return
+        self._dead_since_s = self._dead_since_s or time.monotonic()
+        if time.monotonic() - self._dead_since_s >= restart_s:
+            self.start()
+
+    def find(self) -> list[int]:
+        """Return the server's process and those of all its children; none if it is dead."""
+        if self._server is None or self._server.poll() is not None:
+            return []
         children = Path(f"/proc/{self._server.pid}/task/{self._server.pid}/children")
-        others = children.read_text().split() if children.exists() else []
-        for pid in [self._server.pid, *map(int, others)]:
-            try:
-                os.kill(pid, number)
-            except ProcessLookupError:
-                continue
+        return [self._server.pid, *(map(int, children.read_text().split()) if children.exists() else ())]
 
     def kill(self) -> None:
         """Kill the server and all its children, as a machine does that runs out of memory."""
         assert self._server is not None
-        self.send(signal.SIGKILL)
+        for pid in self.find() or [self._server.pid]:
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                continue
         self._server.wait()
 
     def stop(self) -> None:
