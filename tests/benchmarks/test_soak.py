@@ -27,12 +27,12 @@ def test_nothing_is_lost_whatever_is_killed_stopped_or_cut(size: Size) -> None:
     is_full = size(0, 1) == 1
     chosen: dict[str, Any] = {} if is_full else {"entries": {"ann": "patrol", "bob": "rush"}, "has_league": False, "every_s": 0.1}
 
-    figures = measure(said.append, duration_s=size(1, 15 * 60), seed=4, **chosen)
+    figures = measure(said.append, duration_s=size(1, 15 * 60), seed=7, **chosen)
 
     assert figures["broken"] == []
     assert sum(costs["n"] for costs in figures["faults"].values()) >= size(1, 50)
     assert figures["pit"]["stored"] == figures["pit"]["matches"] > 0
-    assert "seed 4" in said
+    assert "seed 7" in said
     for court in ("pit", "league") if is_full else ("pit",):
         assert all(n >= 0 for n in figures[court]["late_turns"].values())
 
