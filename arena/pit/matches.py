@@ -88,7 +88,8 @@ class Matches:
         for team, slot in pairing.slots.items():
             self._seats.take(Seat(session.id, team), slot)
         self.n_begun += 1
-        logger.info("match %s begins: blue %s, red %s", header.identity, header.blue, header.red)
+        facts = {"event": "match begins", "match": session.id, "identity": plan.identity, "blue": plan.blue, "red": plan.red}
+        logger.info("match %s begins: blue %s, red %s", header.identity, header.blue, header.red, extra={"facts": facts})
         return session.id, session.open()
 
     def resume(self, found: UnfinishedFound, now_s: float) -> list[Effect]:
@@ -100,7 +101,8 @@ class Matches:
             logger.warning("%s cannot be resumed: %s", found.name, error)
             return []
         session = self._add(match, found.entries, found.nonce, now_s)
-        logger.info("resumed %s at tick %d", match.header.identity, match.tick)
+        facts = {"event": "match resumed", "match": session.id, "identity": match.header.identity, "tick": match.tick}
+        logger.info("resumed %s at tick %d", match.header.identity, match.tick, extra={"facts": facts})
         opened = OpenMatch(session.id, found.name, found.n_bytes, session.lane)
         return [opened, *self._settle(session, session.carry(match_effects), now_s)]
 
@@ -224,8 +226,11 @@ class Matches:
         self._seats.forget(session.id)
         self._closing[session.id] = _Closing(session, now_s + RECEIPTS_S)
         self._archive.expect(session.id)
-        logger.info("match %s: %s, winner %s", match.header.identity, result.ending.name.lower(), result.winner)
         records = {team: match.record(team) for team in Team}
+        facts = {"event": "match ended", "match": session.id, "identity": match.header.identity, **result.to_dict()}
+        facts["faults"] = {team.name.lower(): record.faults() for team, record in records.items()}
+        ending = result.ending.name.lower()
+        logger.info("match %s: %s, winner %s", match.header.identity, ending, result.winner, extra={"facts": facts})
         return [*effects, MatchEnded(header=match.header, result=result, seats=records, entries=session.entries)]
 
     def _add(self, match: Match, entries: dict[Team, bytes], nonce: bytes, now_s: float) -> MatchSession:
