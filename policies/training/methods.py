@@ -5,15 +5,16 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Protocol
 
 from arena.errors import InputError
-from policies.training import ppo_settings, reinforce_settings
+from policies.training import distil_settings, ppo_settings, reinforce_settings
 from policies.training.budget import Budget
+from policies.training.distil_settings import DistilSettings
 from policies.training.folder import RunFolder
 from policies.training.parallel import Processes
 from policies.training.ppo_settings import PpoSettings
 from policies.training.record import ReportProgress
 from policies.training.reinforce_settings import ReinforceSettings
 
-PPO, REINFORCE = "ppo", "reinforce"
+PPO, REINFORCE, DISTIL = "ppo", "reinforce", "distil"
 DEFAULT_SAMPLES, DEFAULT_EPISODES = 3_000_000, 20_000
 
 
@@ -33,7 +34,7 @@ class RunConfig:
     start: str
     """`clone:FIGHTER`, a checkpoint's file, or nothing."""
     budget: Budget
-    settings: PpoSettings | ReinforceSettings
+    settings: PpoSettings | ReinforceSettings | DistilSettings
 
     def to_dict(self) -> dict[str, Any]:
         """Return the configuration as JSON has it."""
@@ -56,20 +57,32 @@ def checked(method: str, budget: Budget) -> Budget:
     InputError
         It cannot.
     """
-    if method == PPO and budget.episodes is not None:
-        raise InputError("--episodes is for the method reinforce; give ppo --samples or --minutes")
+    if method != REINFORCE and budget.episodes is not None:
+        raise InputError(f"--episodes is for the method reinforce; give {method} --samples or --minutes")
     return budget
 
 
 def read_config(values: dict[str, Any]) -> RunConfig:
     """Return the config that a run's folder keeps."""
     method = values.get("method", PPO)
-    read = reinforce_settings.from_dict if method == REINFORCE else ppo_settings.from_dict
-    return RunConfig(method=method, start=values["start"], budget=Budget(**values["budget"]), settings=read(values["settings"]))
+    given, budget = values["settings"], Budget(**values["budget"])
+    settings: PpoSettings | ReinforceSettings | DistilSettings
+    if method == REINFORCE:
+        settings = reinforce_settings.from_dict(given)
+    else:
+        settings = distil_settings.from_dict(given) if method == DISTIL else ppo_settings.from_dict(given)
+    return RunConfig(method=method, start=values["start"], budget=budget, settings=settings)
 
 
 def make_config(
-    method: str, start: str, budget: Budget, *, rules: str | None, seed: int, assignments: Sequence[str]
+    method: str,
+    start: str,
+    budget: Budget,
+    *,
+    rules: str | None,
+    seed: int,
+    assignments: Sequence[str],
+    data: Sequence[str] = (),
 ) -> RunConfig:
     """Return a configuration from command line options; what is not given is the method's default.
 
@@ -78,9 +91,14 @@ def make_config(
     InputError
         The method does not take an option.
     """
+    if data and method != DISTIL:
+        raise InputError(f"--data is for the method distil; {method} learns from the matches that it plays")
+    if method != PPO and start.startswith("clone:"):
+        raise InputError(f"--start clone: is for the method ppo; {method} begins with nothing, or from a checkpoint's file")
+    if method == DISTIL:
+        taught = DistilSettings(rules=rules or "paper", seed=seed, data=list(data)).with_(assignments)
+        return RunConfig(method=method, start=start, budget=checked(method, budget), settings=taught)
     if method == REINFORCE:
-        if start.startswith("clone:"):
-            raise InputError("--start clone: is for the method ppo; reinforce begins with nothing, or from a checkpoint's file")
         chosen = ReinforceSettings(rules=rules or "exp1", seed=seed).with_(assignments)
         return RunConfig(method=method, start=start, budget=Budget(episodes=DEFAULT_EPISODES), settings=chosen).with_budget(
             budget
@@ -95,8 +113,12 @@ def make_run(config: RunConfig, folder: RunFolder, processes: Processes, report:
         from policies.training.reinforce_run import ReinforceRun
 
         return ReinforceRun(folder, config.settings, config.start, config.budget, processes, report, device)
+    if isinstance(config.settings, DistilSettings):
+        from policies.training.distil_run import DistilRun
+
+        return DistilRun(folder, config.settings, config.start, config.budget, processes, report, device)
     if device != "cpu":
-        raise InputError(f"--device {device} is for the method reinforce; ppo trains on the CPU")
+        raise InputError(f"--device {device} is for the methods reinforce and distil; ppo trains on the CPU")
     from policies.training.ppo_run import PpoRun
 
     return PpoRun(folder, config.settings, config.start, config.budget, processes, report)

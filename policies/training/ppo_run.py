@@ -20,7 +20,7 @@ from arena.errors import InputError
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
-from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
+from policies.networks.checkpoint import describe, save_checkpoint
 from policies.networks.models import Critic, TeamNetwork, TeamShape
 from policies.training.budget import Budget
 from policies.training.clone import Teacher, clone
@@ -31,6 +31,7 @@ from policies.training.ppo import Learner, Schedule
 from policies.training.ppo_settings import PpoSettings
 from policies.training.record import Record, ReportProgress
 from policies.training.rollout import LearnerSeats, Results, collect
+from policies.training.start import read_start
 
 CLONE = "clone:"
 _LEARNING = (
@@ -99,7 +100,7 @@ class PpoRun:
         torch.manual_seed(settings.seed)
         network = TeamNetwork(TeamShape(channels=settings.channels, blocks=settings.blocks))
         if start and not start.startswith(CLONE):
-            network = _read_start(Path(start), self.ruleset, network)
+            network = read_start(Path(start), self.ruleset, network)
         self.learner = Learner(network, Critic(), settings, processes)
         self.pool = Pool(network.state_dict(), gate_matches=settings.gate_matches, gate_score=settings.gate_score)
         self.seats: dict[str, LearnerSeats] = {}
@@ -287,19 +288,3 @@ def _teachers(start: str, settings: PpoSettings) -> dict[str, str]:
     if named and (missing := [rules for rules in rulesets if rules not in named]):
         raise InputError(f"the setting teachers names nobody for {', '.join(missing)}; who is to be cloned there?")
     return named
-
-
-def _read_start(path: Path, ruleset: Ruleset, fresh: TeamNetwork) -> TeamNetwork:
-    checkpoint = load_checkpoint(path)
-    network = checkpoint.network
-    if not isinstance(network, TeamNetwork):
-        raise InputError(
-            f"cannot start from {path}: it holds a {checkpoint.manifest.network} network, and PPO trains a team network"
-        )
-    if network.shape != fresh.shape:
-        raise InputError(f"cannot start from {path}: its network is of {network.shape}; the settings ask for {fresh.shape}")
-    if checkpoint.manifest.ruleset_hash != ruleset.hash:
-        raise InputError(
-            f"cannot start from {path}: it was trained on ruleset {checkpoint.manifest.ruleset}, not on {ruleset.name} of today"
-        )
-    return network.train().requires_grad_(True)
