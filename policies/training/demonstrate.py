@@ -33,7 +33,7 @@ from policies.networks.precision import precision_of, to_act_in
 from policies.registry import CHECKPOINT, load, shipped
 from policies.search.planner import MOST_SIDE, Planner
 from policies.training.clone import Teacher, as_legal
-from policies.training.demonstrations import CERTAIN, MOST_SAMPLES, UNKNOWN, DemonstrationFolder, Demonstrations
+from policies.training.demonstrations import CERTAIN, UNKNOWN, DemonstrationFolder, Demonstrations
 from policies.training.opponents import BEST, PAST, SELF, Opponents
 from policies.training.record import ReportProgress
 from policies.training.rollout import LearnerSeats, Results
@@ -58,6 +58,8 @@ class DemonstrationSettings:
     seed: int = 1
     games: int = 24
     """Matches that a process plays at once."""
+    file_samples: int = 4096
+    """Samples from which on a file is written: 31 MB in memory under the ruleset `paper`, 2 MB on the disk."""
     opponents: dict[str, float] = field(
         default_factory=lambda: {
             "self": 0.05, "planner-fast": 0.13, "role_team": 0.12, "squad": 0.1, "turtle": 0.12, "border_hunter": 0.12,
@@ -68,8 +70,9 @@ class DemonstrationSettings:
     """Share of the matches against each: `self` is learned from on both sides, any other is a fighter."""
 
     def __post_init__(self) -> None:
-        if self.games < 1:
-            raise InputError(f"the setting games is {self.games}; it must be at least 1")
+        for name in ("games", "file_samples"):
+            if getattr(self, name) < 1:
+                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least 1")
         if not 0 <= self.own <= 1:
             raise InputError(f"the setting own is {self.own}; it must be a number from 0 to 1")
         if not 0 <= self.temperature <= MOST_TEMPERATURE:
@@ -189,7 +192,7 @@ def demonstrate_alone(
             if n_matches:
                 kept.append(match)
                 n_matches -= 1
-        if kept and (not n_matches or sum(len(match.outcome) for match in kept) >= MOST_SAMPLES):
+        if kept and (not n_matches or sum(len(match.outcome) for match in kept) >= settings.file_samples):
             folder.add(process, kept)
             kept = []
     if kept:

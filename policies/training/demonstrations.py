@@ -22,8 +22,6 @@ from policies.networks.features import FEATURES_VERSION, UPSIDE_DOWN
 
 FORMAT = 1
 """Rises whenever a folder of the old kind can no longer be read."""
-MOST_SAMPLES = 4096
-"""About as many samples are in a file: 31 MB in memory under the ruleset `paper`."""
 UNKNOWN = -1
 """The label of a unit that is not alive."""
 CERTAIN = 255
@@ -160,7 +158,7 @@ def read(path: Path) -> Demonstrations:
         The file is damaged.
     """
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return Demonstrations(**{name: arrays[name] for name in Demonstrations._fields})
     except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"cannot read {path}: {error}; delete it, and the rest can be used") from error

@@ -38,7 +38,8 @@ AT_ONCE = 8
 UNSEEN_EVERY = 10
 """Of the files of a folder's first process, one in so many is not learned from, but shows how the network fares with what it has
 not seen; the same ones, however many files come after."""
-_WARMUP = 0.02
+_WARMUP = 50
+"""Steps in which the rate rises."""
 _LEAST_RATE = 0.01
 _METRICS = ("loss", "agreed", "value_loss", "norm", "unseen_loss", "unseen_agreed", "unseen_value_loss", "rate")
 
@@ -53,6 +54,8 @@ class Counts:
     """Passes that have ended."""
     groups: int = 0
     """Groups of files of the pass that is under way."""
+    updates: int = 0
+    """Steps of the optimiser."""
     samples: int = 0
     """Over all processes."""
     seconds: float = 0.0
@@ -166,10 +169,10 @@ class DistilRun:
         rng = np.random.default_rng([self.settings.seed, counts.passes, counts.groups])
         samples = join([read(self._files[index]) for index in files])
         samples = mirrored(samples, rng.random(len(samples.outcome)) < 0.5)
-        rate = self._set_rate()
-        sums, n_steps = torch.zeros(4), 0
+        rate, sums, n_steps = 0.0, torch.zeros(4), 0
         order = rng.permutation(len(samples.outcome))
         for rows in np.array_split(order, max(round(len(order) / self.settings.minibatch), 1)):
+            rate = self._set_rate()
             sums += self._step(samples, np.array_split(rows, self.processes.n)[self.processes.rank])
             n_steps += 1
         loss, agreed, value_loss, norm = (self.processes.mean(sums) / n_steps).tolist()
@@ -182,7 +185,8 @@ class DistilRun:
     def _set_rate(self) -> float:
         done = min(self.progress, 1.0)
         cosine = 0.5 + 0.5 * math.cos(math.pi * done)
-        rate = self.settings.rate * (_LEAST_RATE + (1 - _LEAST_RATE) * cosine) * min(1.0, 0.1 + done / _WARMUP)
+        self.counts.updates += 1
+        rate = self.settings.rate * (_LEAST_RATE + (1 - _LEAST_RATE) * cosine) * min(1.0, self.counts.updates / _WARMUP)
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         return rate
