@@ -29,6 +29,7 @@ train = typer.Typer(invoke_without_command=True, pretty_exceptions_enable=False)
 def start_or_go_on(
     context: typer.Context,
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}; reinforce is the paper's.")] = "ppo",
+    against: Annotated[str, typer.Option(metavar="FIGHTER", help="ppo: meet this one alone, for a best response to it.")] = "",
     data: Annotated[
         list[Path] | None, typer.Option(metavar="DIR", help="distil: demonstrations to learn from; may be repeated.")
     ] = None,
@@ -92,7 +93,9 @@ def start_or_go_on(
         config = read_config(RunFolder(next(iter(folders.values()))).read_settings()).with_budget(budget)
     else:
         folders_of_data = [str(path) for path in data or ()]
-        config = make_config(method, start, budget, rules=rules, seed=seed, assignments=settings or (), data=folders_of_data)
+        config = make_config(
+            method, start, budget, rules=rules, seed=seed, assignments=settings or (), data=folders_of_data, against=against
+        )
     limit_threads()
     processes = join_processes(device)
     if processes.is_first:  # the kernels are the same for all rulesets; those of single fighters follow as they are met

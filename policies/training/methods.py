@@ -5,10 +5,12 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Protocol
 
 from arena.errors import InputError
+from policies.registry import load
 from policies.training import distil_settings, ppo_settings, reinforce_settings
 from policies.training.budget import Budget
 from policies.training.distil_settings import DistilSettings
 from policies.training.folder import RunFolder
+from policies.training.opponents import BEST, PAST, SELF
 from policies.training.parallel import Processes
 from policies.training.ppo_settings import PpoSettings
 from policies.training.record import ReportProgress
@@ -83,8 +85,14 @@ def make_config(
     seed: int,
     assignments: Sequence[str],
     data: Sequence[str] = (),
+    against: str = "",
 ) -> RunConfig:
     """Return a configuration from command line options; what is not given is the method's default.
+
+    Parameters
+    ----------
+    against
+        The only opponent, to which a best response is trained; or nobody.
 
     Raises
     ------
@@ -93,6 +101,10 @@ def make_config(
     """
     if data and method != DISTIL:
         raise InputError(f"--data is for the method distil; {method} learns from the matches that it plays")
+    if against and method != PPO:
+        raise InputError(f"--against is for the method ppo; {method} has no opponents to choose, or chooses them by --set")
+    if against and any(assignment.startswith("opponents") for assignment in assignments):
+        raise InputError("--against names the only opponent; leave out --set opponents, or --against")
     if method != PPO and start.startswith("clone:"):
         raise InputError(f"--start clone: is for the method ppo; {method} begins with nothing, or from a checkpoint's file")
     if method == DISTIL:
@@ -104,6 +116,11 @@ def make_config(
             budget
         )
     usual = PpoSettings(rules=rules or "paper", seed=seed).with_(assignments)
+    if against:
+        if against in (SELF, BEST, PAST):
+            raise InputError(f"--against is {against!r}; a best response is to a fighter that stays as it is")
+        load(against)  # a name that nobody has is refused before anything is made
+        usual = replace(usual, opponents={against: 1.0})
     return RunConfig(method=method, start=start, budget=Budget(samples=DEFAULT_SAMPLES), settings=usual).with_budget(budget)
 
 
