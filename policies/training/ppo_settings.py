@@ -22,6 +22,9 @@ class PpoSettings:
     blocks: int = 3
     games: int = 192
     """Rows played at once, over all processes."""
+    actors: int = 0
+    """Threads of a process that play, each a part of the rows; 0 is one where the network computes on the CPU, and one for each
+    processor where it computes on a GPU."""
     horizon: int = 32
     """Ticks of a rollout."""
     minibatch: int = 1024
@@ -74,7 +77,16 @@ class PpoSettings:
     """Score that the learner needs over the last `gate_matches` against `best` to take its place."""
 
     def __post_init__(self) -> None:
-        low = {"games": 1, "horizon": 2, "minibatch": 1, "epochs": 1, "channels": 1, "gate_matches": 1, "clone_samples": 1}
+        low = {
+            "actors": 0,
+            "games": 1,
+            "horizon": 2,
+            "minibatch": 1,
+            "epochs": 1,
+            "channels": 1,
+            "gate_matches": 1,
+            "clone_samples": 1,
+        }
         low["clone_minibatch"] = 1
         for name, least in low.items():
             if getattr(self, name) < least:

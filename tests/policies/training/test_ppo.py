@@ -151,10 +151,10 @@ def test_a_run_with_priorities_seats_scripts_anew_by_how_they_fare(
         return False
 
     run.train(say_how_they_fare)
-    rows = {name: len(mine) for name, mine in run.seats["paper"].opponents.rows.items()}
+    rows = {name: len(mine) for name, mine in run.actors["paper"].groups[0].opponents.rows.items()}
 
     assert rows == ({"random": 4} if priority else {"rush": 2, "random": 2})
-    assert len(run.seats["paper"].opponents.self_rows) == 4
+    assert len(run.actors["paper"].groups[0].opponents.self_rows) == 4
 
 
 def test_a_best_response_meets_one_fighter_alone_and_tells_its_score_with_an_interval(
