@@ -66,7 +66,7 @@ def schedule(settings: PpoSettings, progress: float, rollouts: int) -> Schedule:
     cosine = 0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))
     return Schedule(
         rate=settings.rate * (0.05 + 0.95 * cosine),
-        entropy=settings.entropy * max(1 - progress, 0.1),
+        entropy=settings.entropy * max(1 - progress, settings.entropy_left),
         shaping=settings.shaping * max(1 - 1.5 * progress, 0.0),
         is_critic_only=rollouts < settings.critic_warmup,
         teacher_kl=settings.teacher_kl * max(1 - progress / settings.teacher_share, 0.0),

@@ -36,7 +36,10 @@ class PpoSettings:
     lambda_: float = 0.92
     clip: float = 0.2
     entropy: float = 0.01
-    """Weight of the entropy at the start; it falls to a tenth."""
+    """Weight of the entropy at the start."""
+    entropy_left: float = 0.1
+    """Share of that weight that is left at the end; it falls along a line that would reach nothing at the end of the run, and stays
+    there once it has reached this. 1 keeps the weight."""
     shaping: float = 1.0
     """Weight of differences of the score (in hundredths) at the start; it falls to nothing by two thirds of the run."""
     target_kl: float = 0.03
@@ -94,6 +97,8 @@ class PpoSettings:
         for name in ("teacher_kl", "priority"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be a number from 0 on")
+        if not 0 <= self.entropy_left <= 1:
+            raise InputError(f"the setting entropy_left is {self.entropy_left}; it must be a number from 0 to 1")
         if not 0 < self.teacher_share <= 1:
             raise InputError(f"the setting teacher_share is {self.teacher_share}; it must be above 0 and at most 1")
         if not self.opponents or min(self.opponents.values()) < 0 or sum(self.opponents.values()) <= 0:
