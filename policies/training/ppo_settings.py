@@ -38,8 +38,7 @@ class PpoSettings:
     entropy: float = 0.01
     """Weight of the entropy at the start."""
     entropy_left: float = 0.1
-    """Share of that weight that is left at the end; it falls along a line that would reach nothing at the end of the run, and stays
-    there once it has reached this. 1 keeps the weight."""
+    """Share of that weight at which it stays: it falls along a line that reaches nothing at the end of the run. 1 keeps it."""
     shaping: float = 1.0
     """Weight of differences of the score (in hundredths) at the start; it falls to nothing by two thirds of the run."""
     target_kl: float = 0.03
