@@ -133,6 +133,10 @@ class Session:
         # BLOCK: the default, DROP, lost turns under load. Express: a turn is not kept back to fill a batch.
         return self._session.declare_publisher(key, congestion_control=congestion, express=True)
 
+    def spread(self, key: str, payload: bytes) -> None:
+        """Publish once on a key that has no publisher, to whoever reads; nobody is waited for."""
+        self._session.put(key, payload, congestion_control=zenoh.CongestionControl.DROP, express=True)
+
     def subscribe(self, key: str, on_sample: Callable[[Sample], None]) -> Callable[[], None]:
         """Call `on_sample` with each sample, on a thread of Zenoh's, so it may only enqueue; return what unsubscribes."""
         return self._session.declare_subscriber(key, Callback(on_sample, indirect=False)).undeclare
@@ -247,7 +251,7 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def open_router(endpoint: str, pit: str, certificate: Certificate | None = None) -> Session:
+def open_router(endpoint: str, pit: str, certificate: Certificate | None = None, *, for_players: bool = True) -> Session:
     """Listen at an endpoint such as tcp/127.0.0.1:7447, as the router that clients connect to.
 
     Parameters
@@ -256,6 +260,8 @@ def open_router(endpoint: str, pit: str, certificate: Certificate | None = None)
         One that begins with tls/ or quic/ needs a certificate, and no other takes one.
     pit
         Clients may do what a player of this pit does, and nothing else. The session that is returned may do anything.
+    for_players
+        False lets them do what a spectator does, and nothing else.
     """
     check_endpoint(endpoint)
     capacity = find_capacity()
@@ -269,7 +275,7 @@ def open_router(endpoint: str, pit: str, certificate: Certificate | None = None)
         "transport/unicast/accept_pending": capacity.pending,
         "transport/unicast/accept_timeout": _ACCEPT_TIMEOUT_MS,
         "transport/link/rx/max_message_size": _MOST_WIRE_BYTES,
-        "access_control": access_rules(pit),
+        "access_control": access_rules(pit, for_players=for_players),
     }
     if _is_encrypted(endpoint) != (certificate is not None):
         raise InputError(f"cannot listen at {endpoint}: tls/ needs a certificate and its key, and tcp/ takes none")
