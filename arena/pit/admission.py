@@ -4,16 +4,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from arena.errors import ForgedError
 from arena.game.ruleset import Ruleset
-from arena.pit.effects import Drop, Effect, Reply
-from arena.pit.events import QuestionId
+from arena.pit.authenticator import PendingRequest
+from arena.pit.effects import Effect
 from arena.pit.matches import Matches
 from arena.pit.register import Register
 from arena.pit.seating import Pairing, Seating, object_to
 from arena.pit.seats import Client, Seat, SlotId
-from arena.protocol.handshake import Caller
-from arena.protocol.messages import JoinRequest, Message, Refusal, Wait
+from arena.protocol.messages import JoinRequest, Refusal, Wait
 
 HOLD_QUESTION_S = 4.0
 """How long a client that waits for a seat is kept without an answer."""
@@ -23,23 +21,6 @@ MOST_QUEUED = 4_096
 """Clients that may wait for a seat at once."""
 MOST_RUNNING = 256
 """Matches at once; each costs an open file, and fewer begin where there is none left."""
-
-
-@dataclass(frozen=True, slots=True)
-class PendingRequest:
-    """A request that was opened, and waits for its answer."""
-
-    caller: Caller
-    question: QuestionId
-    session: str = ""
-    """The connection that it says to come from."""
-
-    def reply(self, message: Message) -> Effect:
-        """Answer; a request whose key nothing can be sealed to gets no answer."""
-        try:
-            return Reply(self.question, self.caller.answer(message))
-        except ForgedError:
-            return Drop(self.question)
 
 
 @dataclass(slots=True)
@@ -94,7 +75,7 @@ class Admission:
         seat = self._matches.find_seat(slot, request)
         if seat is not None:
             self._forget(slot)
-            return [pending.reply(self._matches.issue_ticket(seat, slot, pending.caller))]
+            return self._matches.issue_ticket(seat, slot, pending)
         if request.match:
             ending = self._matches.find_ending(request.match)
             return [pending.reply(ending or Wait(reason="for another match, since that one is over"))]
@@ -175,7 +156,7 @@ class Admission:
         for team, slot in pairing.slots.items():
             pending = self._queue.pop(slot).pending
             if pending is not None:
-                effects.append(pending.reply(self._matches.issue_ticket(Seat(match, team), slot, pending.caller)))
+                effects += self._matches.issue_ticket(Seat(match, team), slot, pending)
         return effects
 
     def _forget(self, slot: SlotId) -> None:

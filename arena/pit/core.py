@@ -10,15 +10,17 @@ The effects are to be carried out in their order, before the next event is hande
 of the next tick; if it cannot be written, the pit ends, and nobody has received anything.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from functools import partial
+from itertools import islice
 from typing import Any
 
 from arena.errors import ProtocolError
 from arena.game.ruleset import Ruleset, rules_values
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
-from arena.pit.admission import MOST_QUEUED, Admission, PendingRequest
-from arena.pit.authenticator import Authenticator
+from arena.pit.admission import MOST_QUEUED, Admission
+from arena.pit.authenticator import Authenticator, PendingRequest
 from arena.pit.effects import Drop, Effect, Reply, SaveRegister
 from arena.pit.events import (
     ActionReceived,
@@ -35,8 +37,9 @@ from arena.pit.events import (
     UnfinishedFound,
 )
 from arena.pit.lobby_publisher import LobbyPublisher
-from arena.pit.match_session import PitContext
-from arena.pit.matches import Matches
+from arena.pit.match_session import MatchSession, PitContext
+from arena.pit.match_sessions import MatchSessions
+from arena.pit.matches import Matches, RunningMatch
 from arena.pit.operator import Operator
 from arena.pit.rationed_queue import RationedQueue
 from arena.pit.register import Register
@@ -65,7 +68,7 @@ class PitCore:
         self._context, self._ruleset, self._seating, self._register = context, ruleset, seating, register
         self._authenticator = Authenticator(context.pit, context.identity)
         self._requests: RationedQueue[JoinAsked] = RationedQueue(share=_SHARE)
-        self._matches = Matches(context, ruleset, time_control, seating, register)
+        self._matches = Matches(context, ruleset, seating, register, partial(MatchSessions, context, time_control))
         self._admission = Admission(ruleset, seating, register, self._matches)
         self._taken_last: RationedQueue[Any] = self._requests
         self._operator = Operator(context.identity.public, register, seating, self._matches, self._admission)
@@ -118,8 +121,13 @@ class PitCore:
 
     @property
     def matches(self) -> list[Match]:
-        """The matches that are not over, in the order of their beginning."""
-        return [session.match for session in self._matches.running]
+        """The matches that are not over, in the order of their beginning; of this process alone."""
+        return [one.match for one in self._matches.running if isinstance(one, MatchSession)]
+
+    @property
+    def running(self) -> Collection[RunningMatch]:
+        """The same, in whatever process they are."""
+        return self._matches.running
 
     @property
     def queues(self) -> dict[str, int]:
@@ -213,7 +221,8 @@ class PitCore:
 
     def _describe(self) -> Lobby:
         running = [
-            {"match": one.id, "blue": one.names[0], "red": one.names[1], "tick": one.match.tick} for one in self._matches.running
+            {"match": one.id, "blue": one.names[0], "red": one.names[1], "tick": one.tick}
+            for one in islice(self._matches.running, MOST_LISTED)
         ]
         return Lobby(
             pit=self._context.pit,
@@ -222,7 +231,7 @@ class PitCore:
             ruleset=rules_values(self._ruleset),
             needs_invite=self._register.needs_invite,
             n_begun=self._matches.n_begun,
-            running=running[:MOST_LISTED],
+            running=running,
             waiting=self._admission.names[:MOST_LISTED],
             standings=self._seating.standings()[:MOST_STANDINGS],
             public_delay=self._context.public_delay,

@@ -1,6 +1,6 @@
 """One match with its seats' keys: sealed messages and the time go in, effects come out."""
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -97,6 +97,8 @@ class MatchSession:
         former: Mapping[Team, tuple[Opener, ...]],
     ) -> None:
         self.match, self._context, self.lane = match, context, lane
+        self.entries = entries
+        """Public keys of those who play."""
         self.id = network_name(match.header.identity, context.identity.public, nonce)
         self.ending: Signed | None = None
         """How the match ended, as both seats and everyone else get it."""
@@ -124,9 +126,13 @@ class MatchSession:
         return {team: seat.openers for team, seat in self.seats.items()}
 
     @property
-    def entries(self) -> dict[Team, bytes]:
-        """Public keys of those who play."""
-        return {team: seat.entry for team, seat in self.seats.items()}
+    def tick(self) -> int:
+        """Ticks played so far."""
+        return self.match.tick
+
+    def faults(self) -> dict[str, int]:
+        """Return what was counted of both seats."""
+        return dict(sum((Counter(self.match.record(team).faults()) for team in Team), Counter()))
 
     @property
     def has_receipts(self) -> bool:

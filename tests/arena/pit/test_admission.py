@@ -11,7 +11,7 @@ from arena.game.types import RULES_VERSION, Team
 from arena.pit import admission
 from arena.pit.admission import FORGET_WAITING_S, HOLD_QUESTION_S
 from arena.pit.events import JoinAsked, PresenceChanged, RequestTurn
-from arena.pit.matches import PATIENCE_S
+from arena.pit.match_sessions import PATIENCE_S
 from arena.pit.rationed_queue import MOST_REQUESTS
 from arena.pit.register import Register
 from arena.protocol import handshake

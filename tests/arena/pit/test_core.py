@@ -14,7 +14,7 @@ from arena.pit.admission import HOLD_QUESTION_S
 from arena.pit.effects import Append, MatchEnded, PublishEnding, PublishTick, Send
 from arena.pit.events import ActionReceived, JournalAsked, JournalsReady, LobbyAsked, Stopped, TimePassed, UnfinishedFound
 from arena.pit.match_session import MOST_REJECTED
-from arena.pit.matches import RECEIPTS_S
+from arena.pit.match_sessions import RECEIPTS_S
 from arena.pit.seating import PlannedSeating
 from arena.protocol.codec import encode
 from arena.protocol.identity import Identity
