@@ -61,14 +61,20 @@ def _failure(error: OSError) -> ArenaError:
 
 
 class SpareJournals:
-    """Files that are open for the next matches, so that no match begins whose journal cannot be opened."""
+    """Files that are open for the next matches, so that no match begins whose journal cannot be opened.
 
-    def __init__(self, folder: Path, *, fsync: bool) -> None:
-        self._folder, self._fsync = folder, fsync
+    Parameters
+    ----------
+    name
+        Sets those of one process apart from those of others that write into the same folder; none is the beginning of another.
+    """
+
+    def __init__(self, folder: Path, *, fsync: bool, name: str = "") -> None:
+        self._folder, self._fsync, self._prefix = folder, fsync, f"{_SPARE}{name}"
         self._spare: list[JournalFile] = []
         self._numbers = count()
         self._has_failed = False
-        for left in folder.glob(f"{_SPARE}*"):  # by a pit that was killed
+        for left in folder.glob(f"{self._prefix}*"):  # by a pit that was killed
             left.unlink(missing_ok=True)
 
     def __len__(self) -> int:
@@ -77,7 +83,7 @@ class SpareJournals:
     def refill(self) -> None:
         """Open as many as are kept; fewer where the system has no descriptor or no inode left, until it has."""
         while len(self._spare) < MOST_SPARE:
-            path = self._folder / f"{_SPARE}{next(self._numbers)}"
+            path = self._folder / f"{self._prefix}{next(self._numbers)}"
             try:
                 spare = JournalFile(path, 0, fsync=self._fsync)
             except ArenaError as error:
