@@ -61,8 +61,16 @@ def _check_readable(path: Path) -> None:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
 
 
-def access_rules(pit: str) -> dict[str, Any]:
-    """Return the rules for whoever connects: what is not allowed here is denied.
+WORKERS_PROTOCOL = "unixsock-stream"
+"""How the workers of a pit connect to its router, and nobody else: in a folder that is the pit's own."""
+_EVERYTHING = [
+    "put", "delete", "declare_subscriber", "query", "reply", "declare_queryable", "liveliness_token", "liveliness_query",
+    "declare_liveliness_subscriber",
+]  # fmt: skip
+
+
+def access_rules(pit: str, *, has_workers: bool = False) -> dict[str, Any]:
+    """Return the rules for whoever connects: what is not allowed here is denied. Workers may do anything.
 
     A key expression is allowed where a rule's includes all of it, so `**` is refused as a whole. What leaves the router must be
     allowed too: a client sends nothing until it knows that somebody subscribes to its publisher's key.
@@ -78,7 +86,7 @@ def access_rules(pit: str) -> dict[str, Any]:
         "receive samples": ("egress", ["put"], published),
         "declare presence": ("ingress", ["liveliness_token"], [topics.all_presence(pit)]),
     }
-    return {
+    rules: dict[str, Any] = {
         "enabled": True,
         "default_permission": "deny",
         "rules": [
@@ -88,3 +96,9 @@ def access_rules(pit: str) -> dict[str, Any]:
         "subjects": [{"id": "whoever connects"}],
         "policies": [{"rules": list(allowed), "subjects": ["whoever connects"]}],
     }
+    if has_workers:
+        anything = {"id": "do anything", "permission": "allow", "flows": ["ingress", "egress"], "messages": _EVERYTHING}
+        rules["rules"].append({**anything, "key_exprs": ["**"]})
+        rules["subjects"].append({"id": "workers", "link_protocols": [WORKERS_PROTOCOL]})
+        rules["policies"].append({"rules": ["do anything"], "subjects": ["workers"]})
+    return rules

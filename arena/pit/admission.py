@@ -75,7 +75,7 @@ class Admission:
         seat = self._matches.find_seat(slot, request)
         if seat is not None:
             self._forget(slot)
-            return self._matches.issue_ticket(seat, slot, pending)
+            return self._matches.issue_ticket(seat, slot, pending, now_s)
         if request.match:
             ending = self._matches.find_ending(request.match)
             return [pending.reply(ending or Wait(reason="for another match, since that one is over"))]
@@ -156,7 +156,7 @@ class Admission:
         for team, slot in pairing.slots.items():
             pending = self._queue.pop(slot).pending
             if pending is not None:
-                effects += self._matches.issue_ticket(Seat(match, team), slot, pending)
+                effects += self._matches.issue_ticket(Seat(match, team), slot, pending, now_s)
         return effects
 
     def _forget(self, slot: SlotId) -> None:

@@ -35,6 +35,9 @@ from arena.pit.events import (
     Stopped,
     TimePassed,
     UnfinishedFound,
+    WorkerLost,
+    WorkerReady,
+    WorkerSaid,
 )
 from arena.pit.lobby_publisher import LobbyPublisher
 from arena.pit.match_session import MatchSession, PitContext
@@ -44,6 +47,7 @@ from arena.pit.operator import Operator
 from arena.pit.rationed_queue import RationedQueue
 from arena.pit.register import Register
 from arena.pit.seating import Seating
+from arena.pit.workers.remote_sessions import RemoteSessions, Worker
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import AdminRequest, ChallengeRequest, JoinRequest, Lobby, Refusal, SealedRequest
 
@@ -61,14 +65,23 @@ class PitCore:
     """All of a pit but its network, its files and its clock."""
 
     def __init__(
-        self, context: PitContext, ruleset: Ruleset, seating: Seating, time_control: TimeControl, register: Register
+        self,
+        context: PitContext,
+        ruleset: Ruleset,
+        seating: Seating,
+        time_control: TimeControl,
+        register: Register,
+        n_workers: int = 1,
     ) -> None:
         if context.public_delay and not seating.plays_maps_once:
             raise ValueError("a board may be shown with a delay only where its map is never played again")
         self._context, self._ruleset, self._seating, self._register = context, ruleset, seating, register
         self._authenticator = Authenticator(context.pit, context.identity)
         self._requests: RationedQueue[JoinAsked] = RationedQueue(share=_SHARE)
-        self._matches = Matches(context, ruleset, seating, register, partial(MatchSessions, context, time_control))
+        make_sessions = partial(MatchSessions, context, time_control) if n_workers == 1 else partial(self._hire, n_workers)
+        self._remote: RemoteSessions | None = None
+        """Where matches are refereed by workers."""
+        self._matches = Matches(context, ruleset, seating, register, make_sessions)
         self._admission = Admission(ruleset, seating, register, self._matches)
         self._taken_last: RationedQueue[Any] = self._requests
         self._operator = Operator(context.identity.public, register, seating, self._matches, self._admission)
@@ -88,6 +101,9 @@ class PitCore:
             JournalsReady: self._on_journals_ready,
             UnfinishedFound: self._on_unfinished,
             Stopped: self._on_stopped,
+            WorkerReady: self._on_worker,
+            WorkerLost: self._on_worker,
+            WorkerSaid: self._on_worker,
         }
 
     def receive(self, event: Event, now_s: float) -> list[Effect]:
@@ -128,6 +144,11 @@ class PitCore:
     def running(self) -> Collection[RunningMatch]:
         """The same, in whatever process they are."""
         return self._matches.running
+
+    @property
+    def workers(self) -> list[Worker]:
+        """The workers that referee the matches; none where this process does."""
+        return [] if self._remote is None else list(self._remote.workers.values())
 
     @property
     def queues(self) -> dict[str, int]:
@@ -208,6 +229,16 @@ class PitCore:
     def _on_journals_ready(self, event: JournalsReady, now_s: float) -> list[Effect]:
         self._admission.n_journals = event.n
         return []
+
+    def _hire(self, n_workers: int, *callbacks: Any) -> RemoteSessions:
+        self._remote = RemoteSessions(n_workers, self._context, *callbacks)
+        return self._remote
+
+    def _on_worker(self, event: WorkerReady | WorkerLost | WorkerSaid, now_s: float) -> list[Effect]:
+        assert self._remote is not None
+        effects = self._remote.hear(event, now_s)
+        self._admission.n_journals = self._remote.n_free
+        return effects
 
     def _on_unfinished(self, event: UnfinishedFound, now_s: float) -> list[Effect]:
         return self._matches.resume(event, now_s)

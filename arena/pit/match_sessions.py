@@ -150,7 +150,7 @@ class MatchSessions:
             effects += self._close(match, now_s)
         return effects
 
-    def issue_ticket(self, seat: Seat, pending: PendingRequest) -> list[Effect]:
+    def issue_ticket(self, seat: Seat, pending: PendingRequest, now_s: float) -> list[Effect]:
         """Give a seat to who asks for it, under new keys."""
         return [pending.reply(self._running[seat.match].issue_ticket(seat.team, pending.caller))]
 

@@ -68,7 +68,7 @@ class Sessions(Protocol):
     def advance(self, now_s: float) -> list[Effect]:
         """Let time pass."""
 
-    def issue_ticket(self, seat: Seat, pending: PendingRequest) -> list[Effect]:
+    def issue_ticket(self, seat: Seat, pending: PendingRequest, now_s: float) -> list[Effect]:
         """Give a seat of a running match to who asks for it, under new keys."""
 
     def leave(self, seat: Seat, now_s: float) -> list[Effect]:
@@ -156,10 +156,10 @@ class Matches:
         held = self._seats.find(slot)
         return held or max(self._find_vacant(request), key=lambda seat: self._seats.was_held_by(seat, slot), default=None)
 
-    def issue_ticket(self, seat: Seat, slot: SlotId, pending: PendingRequest) -> list[Effect]:
+    def issue_ticket(self, seat: Seat, slot: SlotId, pending: PendingRequest, now_s: float) -> list[Effect]:
         """Give a seat of a running match to who asks for it, under new keys."""
         self._seats.take(seat, slot)
-        return self._sessions.issue_ticket(seat, pending)
+        return self._sessions.issue_ticket(seat, pending, now_s)
 
     def seats_of(self, entry: bytes | None, name: str) -> list[Seat]:
         """Return the seats of running matches that belong to a public key, or to a name."""

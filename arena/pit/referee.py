@@ -2,8 +2,11 @@
 
 import time
 from collections.abc import Callable, Collection
+from contextlib import suppress
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
+from queue import Empty
 
 from arena.game.ruleset import Ruleset
 from arena.match.match import Match
@@ -17,6 +20,7 @@ from arena.pit.effects import (
     Reply,
     ReplyWithJournal,
     SaveRegister,
+    TellWorker,
 )
 from arena.pit.events import (
     Event,
@@ -35,11 +39,23 @@ from arena.pit.match_loop import MOST_WAITING, SWEEP_S, MatchLoop
 from arena.pit.match_session import PitContext
 from arena.pit.register import Register
 from arena.pit.seating import Seating
+from arena.pit.workers.messages import Order, WorkerSettings
+from arena.pit.workers.processes import STOP_S, WorkerProcesses
 from arena.protocol import topics
+
+_LOOK_S = 0.05
 
 
 class Referee(MatchLoop):
-    """All matches of a pit on the network."""
+    """All matches of a pit on the network.
+
+    Parameters
+    ----------
+    n_workers
+        How many other processes referee the matches, if more than one; then this one only admits those who play.
+    workers_endpoint
+        Where these connect to the router of `session`.
+    """
 
     def __init__(
         self,
@@ -52,18 +68,21 @@ class Referee(MatchLoop):
         *,
         register: Register | None = None,
         fsync: bool = False,
+        n_workers: int = 1,
+        workers_endpoint: str = "",
         on_end: Callable[[MatchEnded], None],
     ) -> None:
         self._register = register or Register()
         self._questions: dict[QuestionId, Query] = {}
         self._question_ids = count()
         self.n_dropped = 0
-        core = self._pit_core = PitCore(context, ruleset, seating, time_control, self._register)
+        core = self._pit_core = PitCore(context, ruleset, seating, time_control, self._register, n_workers)
+        heard = topics.all_actions(context.pit) if n_workers == 1 else topics.beat(context.pit)
         super().__init__(
             session,
             context.pit,
             core,
-            session.collect(topics.all_actions(context.pit), MOST_WAITING),
+            session.collect(heard, MOST_WAITING),
             journals,
             fsync=fsync,
             is_delayed_public=context.public_delay > 0,
@@ -73,21 +92,38 @@ class Referee(MatchLoop):
                 ReplyWithJournal: self._reply_with_journal,
                 SaveRegister: lambda effect: self._register.save(),
                 MatchEnded: on_end,
+                TellWorker: lambda effect: self._tell_worker(effect.worker, effect.order),
             },
         )
-        self._refill_journals()
+        self._workers: WorkerProcesses | None = None
+        if n_workers == 1:
+            self._refill_journals()
         pit = context.pit
         session.watch_presence(
             topics.all_presence(pit),
             lambda key, is_there: self._enqueue(lambda: PresenceChanged(topics.read_presence(key), is_there)),
         )
-        self._end_heartbeat = session.heartbeat(topics.beat(pit), SWEEP_S)
+        self._end_beats = [session.heartbeat(topics.beat(pit), SWEEP_S)]
         session.answer(topics.join(pit), self._enqueue_question(lambda id, asked: JoinAsked(id, asked.payload, asked.sender)))
         session.answer(topics.lobby(pit), self._enqueue_question(lambda id, asked: LobbyAsked(id)))
         session.answer(
             topics.all_journals(pit),
             self._enqueue_question(lambda id, asked: JournalAsked(id, topics.read_journal(asked.key), asked.payload)),
         )
+        if n_workers > 1:
+            settings = WorkerSettings(
+                number=0,
+                endpoint=workers_endpoint,
+                pit=pit,
+                private=context.identity.private.private_bytes_raw(),
+                spectator_key=context.spectator_key,
+                public_delay=context.public_delay,
+                ruleset=ruleset,
+                time_control=time_control,
+                journals=journals,
+                fsync=fsync,
+            )
+            self._hire([replace(settings, number=worker.number) for worker in core.workers])
 
     @property
     def queues(self) -> dict[str, int]:
@@ -111,8 +147,13 @@ class Referee(MatchLoop):
 
     def close(self) -> None:
         """Leave every match as it stands: a later referee can resume it."""
-        self._end_heartbeat()
-        super().close()
+        try:
+            super().close()
+            if self._workers is not None:
+                self._wait_for_workers(self._workers)
+        finally:
+            for end in self._end_beats:
+                end()
 
     def resume(self, identities: Collection[str] | None = None) -> list[str]:
         """Take up the unfinished matches that an earlier referee left, or those of them with an identity; return whose were."""
@@ -140,8 +181,41 @@ class Referee(MatchLoop):
 
         return lambda question: self._enqueue(lambda: register(question))
 
+    # Workers
+
+    def _hire(self, settings: list[WorkerSettings]) -> None:
+        """Start workers, and wait until they take matches."""
+        self._workers = WorkerProcesses(settings, self._inbox.put)
+        self._end_beats.append(self._session.beat((topics.beat_of_worker(self._pit, one.number) for one in settings), SWEEP_S))
+        try:
+            self._workers.start()
+            while not all(worker.is_ready for worker in self._pit_core.workers):
+                self._workers.look()
+                with suppress(Empty):
+                    self._hand_in(self._inbox.get(timeout=_LOOK_S)())
+        except BaseException:
+            self._workers.close()
+            raise
+
+    def _tell_worker(self, worker: int, order: Order) -> None:
+        assert self._workers is not None
+        self._workers.tell(worker, order)
+
+    def _wait_for_workers(self, workers: WorkerProcesses) -> None:
+        """Take up the last that workers say, and end those that do not leave."""
+        try:
+            end_s = time.monotonic() + STOP_S
+            while not self._has_failed and time.monotonic() < end_s and not (workers.has_ended and self._inbox.empty()):
+                with suppress(Empty):
+                    self._hand_in(self._inbox.get(timeout=_LOOK_S)())
+        finally:
+            workers.close()
+
     def _sweep(self, now_s: float) -> None:
-        self._refill_journals()
+        if self._workers is None:
+            self._refill_journals()
+        else:
+            self._workers.look()
         self._session.relieve(self._find_kept, now_s)
         self._hand_in(TimePassed(now_s))
         self._open_requests()
@@ -150,7 +224,8 @@ class Referee(MatchLoop):
         while self._pit_core.may_open_request:
             self._take_actions()  # a turn waits for one request at most
             self._left_at_s = time.monotonic()
-            self._refill_journals()
+            if self._workers is None:
+                self._refill_journals()
             begun_s = time.monotonic()
             self._hand_in(RequestTurn())
             self._hand_in(RequestOpened(time.monotonic() - begun_s))
