@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from arena.game.types import Team
-from arena.match.match import SeatRecord
+from arena.match.seat_record import SeatRecord
 from arena.pit.events import QuestionId
 from arena.policy import MatchResult
 from arena.records.journal import Header

@@ -15,7 +15,7 @@ from arena.network.session import Collector, Put, Sample, Session, read_key, rea
 from arena.pit.channels import MatchChannels, open_lane
 from arena.pit.effects import Append, CloseMatch, Effect, OpenMatch, PublishEnding, PublishTick, Send
 from arena.pit.events import ActionReceived, Event, Stopped
-from arena.pit.journal_files import JournalFile, SpareJournals
+from arena.pit.journal_files import JournalFile, OpenJournals, SpareJournals
 from arena.protocol import topics
 
 MOST_WAITING = 10_000
@@ -83,7 +83,8 @@ class MatchLoop:
             **carry_out,
         }
         data_folder(journals)
-        self._spare_journals = SpareJournals(journals, fsync=fsync, name=spare)
+        self._open_journals = OpenJournals()
+        self._spare_journals = SpareJournals(journals, fsync=fsync, name=spare, among=self._open_journals)
 
     @property
     def n_running(self) -> int:
@@ -173,7 +174,7 @@ class MatchLoop:
 
     def _open_match(self, effect: OpenMatch) -> None:
         if effect.n_bytes:
-            journal = JournalFile(self._journals / effect.journal, effect.n_bytes, fsync=self._fsync)
+            journal = JournalFile(self._journals / effect.journal, effect.n_bytes, fsync=self._fsync, among=self._open_journals)
         else:
             journal = self._spare_journals.take(effect.journal)
         puts = self._lanes.get(effect.lane)

@@ -100,6 +100,8 @@ class MatchSession:
         self.entries = entries
         """Public keys of those who play."""
         self.id = network_name(match.header.identity, context.identity.public, nonce)
+        self.due_s = 0.0
+        """Before then, `advance` need not be called; 0 after anything was received."""
         self.ending: Signed | None = None
         """How the match ended, as both seats and everyone else get it."""
         self.names = [match.header.blue, match.header.red]
@@ -198,7 +200,9 @@ class MatchSession:
         """Let time pass."""
         for seat in self.seats.values():
             seat.n_rejected = 0
-        return self.carry(self.match.advance(now_s))
+        effects = self.carry(self.match.advance(now_s))
+        self.due_s = self.match.due_s
+        return effects
 
     def carry(self, match_effects: Iterable[MatchEffect]) -> list[Effect]:
         """Return what the pit is to do for what the match wants done."""

@@ -137,14 +137,15 @@ class MatchSessions:
         if session is None:
             return []
         if session.ending is None:
+            session.due_s = 0.0
             return self._settle(session, session.receive(team, payload, now_s, arrived_s), now_s)
         effects = session.receive_receipt(team, payload)
         return effects + self._close(session.id, now_s) if session.has_receipts else effects
 
     def advance(self, now_s: float) -> list[Effect]:
-        """Let time pass."""
+        """Let time pass. Only matches are looked at in which that may change something: of a thousand, next to none."""
         effects: list[Effect] = []
-        for session in list(self._running.values()):
+        for session in [session for session in self._running.values() if session.due_s <= now_s]:
             effects += self._settle(session, session.advance(now_s), now_s)
         for match in [match for match, closing in self._closing.items() if now_s >= closing.until_s]:
             effects += self._close(match, now_s)
@@ -157,7 +158,10 @@ class MatchSessions:
     def leave(self, seat: Seat, now_s: float) -> list[Effect]:
         """Note that the process which held a seat is gone."""
         session = self._running.get(seat.match)
-        return [] if session is None else self._settle(session, session.carry(session.match.leave(seat.team, now_s)), now_s)
+        if session is None:
+            return []
+        session.due_s = 0.0
+        return self._settle(session, session.carry(session.match.leave(seat.team, now_s)), now_s)
 
     def forfeit(self, seat: Seat, why: str, now_s: float) -> list[Effect]:
         """Have a seat forfeit its match, unless that is over."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from arena.errors import JournalError
 from arena.files import read_file
 from arena.game.types import Team, Termination
-from arena.match.match import SeatRecord
+from arena.match.seat_record import SeatRecord
 from arena.pit.events import UnfinishedFound
 from arena.pit.journal_files import JournalFile
 from arena.pit.workers.messages import Gone, Over, Report, Shut, TakeMatch

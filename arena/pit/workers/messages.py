@@ -6,7 +6,7 @@ from pathlib import Path
 
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
-from arena.match.match import SeatRecord
+from arena.match.seat_record import SeatRecord
 from arena.match.time_control import TimeControl
 from arena.pit.events import QuestionId
 from arena.pit.match_sessions import NewMatch

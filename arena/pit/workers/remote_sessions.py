@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 from arena.game.types import Team, Termination
-from arena.match.match import SeatRecord
+from arena.match.seat_record import SeatRecord
 from arena.pit.authenticator import PendingRequest
 from arena.pit.effects import Drop, Effect, MatchEnded, Reply, TellWorker
 from arena.pit.events import ActionReceived, QuestionId, UnfinishedFound, WorkerLost, WorkerReady, WorkerSaid

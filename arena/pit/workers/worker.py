@@ -5,6 +5,7 @@ It ends when the pit ends, and when it loses the router: another takes its place
 
 import ctypes
 import json
+import logging
 import os
 import resource
 import signal
@@ -34,6 +35,8 @@ from arena.pit.workers.worker_core import WorkerCore
 from arena.protocol import topics
 from arena.protocol.identity import Identity
 from arena.protocol.messages import PROTOCOL_VERSION
+
+logger = logging.getLogger(__name__)
 
 NOBODY = -1
 """In the mark of a worker that is at no match."""
@@ -73,7 +76,7 @@ def work(pipe: Connection, mark: c_longlong) -> None:
         with open_client(settings.endpoint) as session:
             _WorkerLoop(session, settings, pipe, mark).serve()
     except LostPitError as error:
-        sys.exit(f"worker {settings.number}: {error}")
+        logger.warning("worker %d ends: %s", settings.number, error)
     except ArenaError as error:
         pipe.send(Failed(str(error)))
 
@@ -83,6 +86,11 @@ def _end_with_pit() -> None:
     follow_parent()
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _end_at_once() -> None:
+    """End this process from a thread: its loop may wait for what never comes, and its journals are whole at any time."""
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 class _WorkerLoop(MatchLoop):
@@ -136,7 +144,7 @@ class _WorkerLoop(MatchLoop):
             try:
                 self._pipe.send(report)
             except OSError:
-                os._exit(1)  # the pit is gone
+                _end_at_once()  # the pit is gone
 
     def _listen(self) -> None:
         checked_at_s = 0.0
@@ -145,12 +153,12 @@ class _WorkerLoop(MatchLoop):
                 if self._pipe.poll(_LISTEN_S):
                     self._orders.put(self._pipe.recv())
             except (EOFError, OSError):
-                os._exit(1)  # the pit is gone
+                _end_at_once()  # the pit is gone
             if time.monotonic() - checked_at_s > _LISTEN_S:
                 checked_at_s = time.monotonic()
                 if not self._session.is_connected():
-                    sys.stderr.write("a worker has lost the router, and ends\n")
-                    os._exit(1)
+                    logger.warning("a worker has lost the router, and ends")
+                    _end_at_once()
 
     # The loop
 
