@@ -27,7 +27,7 @@ from arena.pit.ladder import Ladder, LadderMatch, Waiting
 from arena.pit.pit import Pit, PitSettings
 from arena.pit.register import Register
 from arena.protocol.identity import Identity
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 from arena.records.replay import BrokenChainError
 from arena.records.verification import check_seals
 from benchmarks.measuring.ladder_order import measure_order

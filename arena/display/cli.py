@@ -47,7 +47,7 @@ def verify_journals(
 
     from arena.compiling import compile_rules
     from arena.display.signers import Signers, read_named
-    from arena.records.journal import find_journals
+    from arena.records.journal_folder import find_journals
 
     if is_local and (pit or entry):
         raise InputError("--local takes journals that nobody signed, so there is no key to compare with --pit and --entry")
@@ -99,7 +99,7 @@ def _print_checks(checks: list[dict[str, Any]], broken: list[dict[str, Any]]) ->
 
 def _check(path: Path, transcript: Path | None, signers: "Signers", *, is_local: bool) -> dict[str, Any]:
     """Return what `--json` prints of one journal."""
-    from arena.records.journal import load_journal
+    from arena.records.journal_folder import load_journal
     from arena.records.replay import BrokenChainError, verify
     from arena.records.transcript import load_transcript
     from arena.records.verification import check_seals, compare

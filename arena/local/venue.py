@@ -20,7 +20,7 @@ from arena.game.engine import BatchedGame
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
-from arena.local.saving import make_journals_folder, save
+from arena.local.saving import MOST_FILES, make_journals_folder, save
 from arena.local.workers import send_to_parent, work
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.records.journal import Header, Mark, write_ending, write_start
@@ -73,6 +73,8 @@ class News(NamedTuple):
 
 
 OnNews = Callable[[News], None]
+Keep = Callable[[Iterable[MatchRecord]], Iterator[MatchRecord]]
+"""Writes journals, and yields their records without them; a plain function or a `partial`, as `Load`."""
 
 
 def play(
@@ -89,7 +91,8 @@ def play(
     Parameters
     ----------
     journals
-        Folder to write each match's journal into; without it, records carry them.
+        Folder to write journals into, a file each, or bundles of them if there are more than `arena.local.saving.MOST_FILES`;
+        without it, records carry them.
     n_workers
         Processes; by default one per core that this process may use, as far as there is work for them.
     on_news
@@ -102,18 +105,20 @@ def play(
     ArenaError
         A worker died.
     """
+    keep = None
     if journals is not None:
         make_journals_folder(journals)
+        keep = partial(save, folder=journals, bundled=len(plans) > MOST_FILES)
     n_workers = n_workers or len(os.sched_getaffinity(0))
     tasks = split(plans, n_workers)
     n_workers = min(n_workers, len(tasks))
     if n_workers <= 1:
         for task in tasks:
-            yield from _play_task(ruleset, task, load, journals, on_news)
+            yield from _play_task(ruleset, task, load, keep, on_news)
         return
     by_identity = {plan.identity: plan for plan in plans}
     send = None if on_news is None else send_to_parent
-    jobs = [partial(play_bare, ruleset, strip(task), load, journals, send) for task in tasks]
+    jobs = [partial(play_bare, ruleset, strip(task), load, keep, send) for task in tasks]
     for played in work(jobs, n_workers, None if on_news is None else lambda message: on_news(_news(message))):
         yield from dress(played, by_identity)
 
@@ -143,7 +148,7 @@ def play_bare(
     ruleset: Ruleset,
     plans: list[BarePlan],
     load: Load,
-    journals: Path | None,
+    keep: Keep | None,
     send: Callable[[tuple[Any, ...]], None] | None = None,
 ) -> list[BareRecord]:
     """Play a task in another process, which sends its news, stripped as well."""
@@ -153,7 +158,7 @@ def play_bare(
         for identity, blue, red, map_key, match_key in plans
     ]
     played: list[BareRecord] = []
-    for record in _play_task(ruleset, whole, load, journals, on_news):
+    for record in _play_task(ruleset, whole, load, keep, on_news):
         blue, red = ((one.raised, one.illegal, one.first_traceback, one.reasons, one.counted) for one in record.faults)
         played.append(
             (
@@ -197,14 +202,14 @@ def _news(message: tuple[Any, ...]) -> News:
 
 
 def _play_task(
-    ruleset: Ruleset, plans: list[MatchPlan], load: Load, journals: Path | None, on_news: OnNews | None
+    ruleset: Ruleset, plans: list[MatchPlan], load: Load, keep: Keep | None, on_news: OnNews | None
 ) -> Iterator[MatchRecord]:
     with ExitStack() as fighters:
         blue, red = (_load(load, name, fighters) for name in (plans[0].blue, plans[0].red))
         records = play_batch(ruleset, plans, blue, red)
         if on_news is not None and any(hasattr(make, "most_seats") for make in (blue, red)):
             records = announce(records, on_news)
-        yield from records if journals is None else save(records, journals)
+        yield from records if keep is None else keep(records)
 
 
 def _load(load: Load, name: str, fighters: ExitStack) -> BatchFactory:

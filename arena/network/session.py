@@ -49,6 +49,7 @@ _WAIT_BEFORE_CLOSE = "transport/link/tx/queue/congestion_control/block/wait_befo
 """How long, in microseconds, a peer that does not read holds `put` before it is cut off."""
 _ROUTER_WAITS_US, _CLIENT_WAITS_US = 50_000, 5_000_000
 """A router serves others meanwhile. A client has nobody else to talk to, and a busy router is no reason to leave."""
+_DROP = "transport/link/tx/queue/congestion_control/drop/"
 
 
 class Query:
@@ -123,12 +124,14 @@ class Session:
         return publisher.put, publisher.undeclare
 
     def broadcast(self, key: str) -> "Broadcast":
-        """Return a publisher on `key` that knows whether it has subscribers."""
-        return Broadcast(self._declare_publisher(key))
+        """Return a publisher on `key` that knows whether it has subscribers, and waits for none: who does not read misses it."""
+        return Broadcast(self._declare_publisher(key, zenoh.CongestionControl.DROP))
 
-    def _declare_publisher(self, key: str) -> zenoh.Publisher:
+    def _declare_publisher(
+        self, key: str, congestion: zenoh.CongestionControl = zenoh.CongestionControl.BLOCK
+    ) -> zenoh.Publisher:
         # BLOCK: the default, DROP, lost turns under load. Express: a turn is not kept back to fill a batch.
-        return self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK, express=True)
+        return self._session.declare_publisher(key, congestion_control=congestion, express=True)
 
     def subscribe(self, key: str, on_sample: Callable[[Sample], None]) -> Callable[[], None]:
         """Call `on_sample` with each sample, on a thread of Zenoh's, so it may only enqueue; return what unsubscribes."""
@@ -273,6 +276,9 @@ def open_router(endpoint: str, pit: str, certificate: Certificate | None = None,
     settings: dict[str, Any] = {
         "listen/endpoints": [endpoint, workers_endpoint] if workers_endpoint else [endpoint],
         _WAIT_BEFORE_CLOSE: _ROUTER_WAITS_US,
+        # By default a millisecond for each spectator who does not read, at every turn.
+        f"{_DROP}wait_before_drop": 0,
+        f"{_DROP}max_wait_before_drop_fragments": 0,
         "transport/unicast/max_sessions": capacity.sessions,
         "transport/unicast/accept_pending": capacity.pending,
         "transport/unicast/accept_timeout": _ACCEPT_TIMEOUT_MS,

@@ -1,6 +1,7 @@
 """The Zenoh keys of a pit. A chunk is letters, digits, - and _, so that no name can reach into another's key."""
 
 import re
+from functools import lru_cache
 
 from arena.errors import InputError, UnreadableError
 from arena.game.types import Team
@@ -96,6 +97,7 @@ def beat(pit: str) -> str:
     return f"arena/{pit}/lane/beat/blue/action"
 
 
+@lru_cache(maxsize=1_024)
 def read_action(key: str) -> tuple[int, Team]:
     """Return the lane and the team of an action key."""
     parts = key.split("/")

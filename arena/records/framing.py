@@ -135,10 +135,10 @@ def read_ending(data: bytes, kind: str) -> MatchResult:
         raise JournalError(f"the {kind}'s ending was changed: {error!r} on reading it") from error
 
 
-def load(path: Path, read: Callable[[bytes], Read]) -> Read:
-    """Read a file; errors name it."""
+def load(path: Path, read: Callable[[bytes], Read], fetch: Callable[[Path], bytes] = read_file) -> Read:
+    """Read a file, which `fetch` returns the bytes of; errors name it."""
     try:
-        return read(read_file(path))
+        return read(fetch(path))
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
     except JournalError as error:

@@ -67,9 +67,10 @@ def _choose_form(out: Path | None, **flags: bool) -> str:
 def _write_page(file: Path, target: Path) -> int:
     from arena.display.replay_frames import describe_recording
     from arena.records.framing import load
+    from arena.records.journal_folder import read_recorded
     from clients.web.page_file import page_file
 
-    match = load(file, describe_recording)
+    match = load(file, describe_recording, read_recorded)
     try:
         target.write_text(page_file(match), encoding="utf-8")
     except OSError as error:

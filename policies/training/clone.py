@@ -4,6 +4,7 @@ Source: Ross, Gordon, Bagnell, "A reduction of imitation learning and structured
 2011). After a while of watching, the learner plays most matches itself, while the script goes on saying what it would have done.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from policies.networks.learned import CHUNK, choose, infer
 from policies.networks.models import TeamNetwork
 from policies.networks.precision import autocast
 from policies.registry import load
+from policies.search.planner import Planner
 from policies.training.ppo import Learner
 from policies.training.rollout import LearnerSeats, Results
 
@@ -47,6 +49,26 @@ class Teacher:
             self._red.act(seen[Team.RED].select(self._seats.opponents.self_rows), self._orders[n_games:])
         return self._seats.to_frame(np.clip(self._orders, 0, len(Action) - 1))
 
+    def chances(self) -> NDArray[np.float32]:
+        """Return the chances of each action of the frame after `label`, shape (s, units, actions); a script is sure."""
+        chances = np.eye(len(Action), dtype=np.float32)[np.clip(self._orders, 0, len(Action) - 1)]
+        for seat, (planner, its_seat) in self._planners():
+            chances[seat] = planner.first_steps(its_seat)
+        actions = np.tile(np.arange(len(Action), dtype=np.int8), (self._seats.n_seats, 1))
+        framed: NDArray[np.float32] = np.take_along_axis(chances, self._seats.to_frame(actions)[:, None].astype(np.int64), 2)
+        return framed
+
+    def hear(self, actions: NDArray[np.int8]) -> None:
+        """Tell a planner what was done in its place after `label`: actions of the frame, shape (s, units)."""
+        orders = self._seats.to_frame(actions)
+        for seat, (planner, its_seat) in self._planners():
+            planner.hear(its_seat, orders[seat])
+
+    def _planners(self) -> Iterator[tuple[int, tuple[Planner, int]]]:
+        fighters = (self._blue,) if self._red is None else (self._blue, self._red)
+        seats = [(fighter, seat) for fighter in fighters for seat in range(fighter.n_seats)]
+        yield from ((at, (fighter, seat)) for at, (fighter, seat) in enumerate(seats) if isinstance(fighter, Planner))
+
     def start(self, has_ended: NDArray[np.bool_]) -> None:
         """Tell the script in which rows a new match begins."""
         self._blue.start(np.flatnonzero(has_ended))
@@ -64,6 +86,12 @@ class Lesson:
     legal: Tensor
     labels: Tensor
     """int64, shape (t * s, units): an action of the frame, or what cross entropy ignores where there is nothing to learn."""
+
+
+def as_legal(actions: NDArray[np.int8], legal: NDArray[np.uint8]) -> NDArray[np.int8]:
+    """Return actions with those that cannot be done as STAY: what a script orders against a wall it means as staying."""
+    is_legal = np.take_along_axis(legal, actions[..., None].astype(np.int64), 2)[..., 0]
+    return np.where(is_legal, actions, Action.STAY).astype(np.int8)
 
 
 def collect_lesson(
@@ -87,9 +115,7 @@ def collect_lesson(
         taught = teacher.label(seen)
         if own:
             choose(infer(network, encoded, seats.n_walkers), seeds, actions)
-        # What a script orders against a wall it means as staying.
-        is_legal = np.take_along_axis(encoded.legal, taught[..., None].astype(np.int64), 2)[..., 0]
-        taught = np.where(is_legal, taught, Action.STAY).astype(np.int8)
+        taught = as_legal(taught, encoded.legal)
         labels[tick] = np.where(encoded.alive, taught, _NO_LABEL)
         turn = seats.step(seen, np.where(is_own, actions, taught), results)
         seats.earn(turn)  # nobody learns from it here, but matches go on into the rollouts, which count from this score

@@ -20,17 +20,18 @@ from arena.errors import InputError
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
-from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
+from policies.networks.checkpoint import describe, save_checkpoint
 from policies.networks.models import Critic, TeamNetwork, TeamShape
 from policies.training.budget import Budget
 from policies.training.clone import Teacher, clone
 from policies.training.folder import LAST, START, STEP, RunFolder
-from policies.training.opponents import BEST, PAST, Opponents, Pool, assign, prioritise
+from policies.training.opponents import BEST, PAST, SELF, Newest, Opponents, Pool, assign, prioritise
 from policies.training.parallel import Processes
 from policies.training.ppo import Learner, Schedule
 from policies.training.ppo_settings import PpoSettings
 from policies.training.record import Record, ReportProgress
 from policies.training.rollout import LearnerSeats, Results, collect
+from policies.training.start import read_start
 
 CLONE = "clone:"
 _LEARNING = (
@@ -99,13 +100,15 @@ class PpoRun:
         torch.manual_seed(settings.seed)
         network = TeamNetwork(TeamShape(channels=settings.channels, blocks=settings.blocks))
         if start and not start.startswith(CLONE):
-            network = _read_start(Path(start), self.ruleset, network)
+            network = read_start(Path(start), self.ruleset, network)
         self.learner = Learner(network, Critic(), settings, processes)
         self.pool = Pool(network.state_dict(), gate_matches=settings.gate_matches, gate_score=settings.gate_score)
         self.seats: dict[str, LearnerSeats] = {}
         """The learner's seats under each ruleset, while it trains."""
         self.counts = Counts()
         self.scores: dict[str, float] = {}
+        self.newest = Newest()
+        """Results of a run that has one opponent, and trains a best response to it."""
         state = folder.load_state()
         if state is not None:
             self._restore(state)
@@ -148,6 +151,12 @@ class PpoRun:
         return next(iter(assign(self.settings.shares(), self.counts.step, 1)))
 
     @property
+    def _only(self) -> str | None:
+        """The opponent of a best response, which is met alone."""
+        names = list(self.settings.opponents)
+        return names[0] if len(names) == 1 and names[0] not in (SELF, BEST, PAST) else None
+
+    @property
     def progress(self) -> float:
         """How much of the budget is used up; the same in every process."""
         mine = self.budget.progress(samples=self.counts.cloned + self.counts.samples, seconds=self.counts.seconds)
@@ -164,7 +173,7 @@ class PpoRun:
             "optimiser": self.learner.optimiser.state_dict(), "average": self.learner.average,
             "scale": [self.learner.scale.mean, self.learner.scale.square, self.learner.scale.weight],
             "selves": self.pool.selves, "points": self.pool.points, "recent": list(self.pool.recent),
-            "counts": asdict(self.counts), "scores": self.scores,
+            "counts": asdict(self.counts), "scores": self.scores, "newest": list(self.newest.points),
         })  # fmt: skip
 
     def _restore(self, state: Mapping[str, Any]) -> None:
@@ -177,6 +186,7 @@ class PpoRun:
             self.pool.selves, self.pool.points = state["selves"], state["points"]
             self.pool.recent.extend(state["recent"])
             self.counts, self.scores = Counts(**state["counts"]), state["scores"]
+            self.newest = Newest(state.get("newest", []))  # runs of earlier versions kept none
         except (KeyError, RuntimeError, TypeError, ValueError) as error:
             raise InputError(f"cannot go on from {self.folder.path}: its state is of another version ({error})") from error
         if self.processes.is_first:
@@ -258,14 +268,20 @@ class PpoRun:
         row |= {name: metrics.get(name, math.nan) for name in _LEARNING}
         met = sorted([*self.settings.opponents, *self.settings.also])
         row |= {f"score_{name}": self.scores.get(name, math.nan) for name in met}
+        if self._only is not None:
+            self.newest.points.extend(results.points.get(self._only, []))
+            row |= dict(zip(("newest", "newest_low", "newest_high"), self.newest.interval(), strict=True))
         self._record.add(row, self.counts.cloned + self.counts.samples)
         if self._record.is_save_due():
             self.save()
         self._record.report(self.progress, self.counts.seconds, self._describe(stage, per_s, metrics))
 
     def _describe(self, stage: str, per_s: float, metrics: Mapping[str, float]) -> str:
+        newest, low, high = self.newest.interval()
         if stage == "clone":
             how = f"agrees with the script in {metrics['agreed']:.2f}"
+        elif self._only is not None and not math.isnan(newest):
+            how = f"score against {self._only} {newest:.3f} (95%: {low:.3f} to {high:.3f}) over {len(self.newest.points)} matches"
         else:
             how = "score " + ", ".join(f"{name} {score:.2f}" for name, score in sorted(self.scores.items()))
         return f"{stage} {self.counts.cloned + self.counts.samples:,} samples, {per_s:,.0f} per s; {how}"
@@ -287,19 +303,3 @@ def _teachers(start: str, settings: PpoSettings) -> dict[str, str]:
     if named and (missing := [rules for rules in rulesets if rules not in named]):
         raise InputError(f"the setting teachers names nobody for {', '.join(missing)}; who is to be cloned there?")
     return named
-
-
-def _read_start(path: Path, ruleset: Ruleset, fresh: TeamNetwork) -> TeamNetwork:
-    checkpoint = load_checkpoint(path)
-    network = checkpoint.network
-    if not isinstance(network, TeamNetwork):
-        raise InputError(
-            f"cannot start from {path}: it holds a {checkpoint.manifest.network} network, and PPO trains a team network"
-        )
-    if network.shape != fresh.shape:
-        raise InputError(f"cannot start from {path}: its network is of {network.shape}; the settings ask for {fresh.shape}")
-    if checkpoint.manifest.ruleset_hash != ruleset.hash:
-        raise InputError(
-            f"cannot start from {path}: it was trained on ruleset {checkpoint.manifest.ruleset}, not on {ruleset.name} of today"
-        )
-    return network.train().requires_grad_(True)

@@ -7,7 +7,7 @@ from typing import Any
 
 from arena.errors import InputError
 from arena.game.ruleset import parse_overrides
-from policies.training.settings import read_values
+from policies.training.settings import merge_shares, read_values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,11 +111,7 @@ def _merged(old: PpoSettings, new: dict[str, Any]) -> dict[str, Any]:
     """Return new values; shares of opponents and rulesets that are not named stay."""
     for name in ("opponents", "also"):
         if name in new:
-            mine = new[name]
-            if not isinstance(mine, dict) or not all(type(share) in (int, float) for share in mine.values()):
-                raise InputError(f"the setting {name} is {mine!r}; it takes shares by name, as in {name}.NAME=0.1")
-            shares = {**getattr(old, name), **mine}
-            new[name] = {one: float(share) for one, share in shares.items() if share}
+            new[name] = merge_shares(name, getattr(old, name), new[name])
     if "teachers" in new:
         mine = new["teachers"]
         if not isinstance(mine, dict) or not all(isinstance(fighter, str) for fighter in mine.values()):

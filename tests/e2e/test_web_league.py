@@ -10,7 +10,7 @@ from chromium import browser, says, visit
 from commands import run_here
 
 from arena.network.session import free_port
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 
 __all__ = ["browser", "visit"]
 

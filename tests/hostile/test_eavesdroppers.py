@@ -49,7 +49,8 @@ from arena.protocol.messages import (
 from arena.protocol.observation_codec import without_clock
 from arena.protocol.sealing import Direction, Opener, derive_key, seat_context, truth_opener
 from arena.protocol.signed import commit, read_statement, sign_receipt
-from arena.records.journal import Journal, load_journal, read_journal
+from arena.records.journal import Journal, read_journal
+from arena.records.journal_folder import load_journal
 from arena.records.plan import MatchPlan
 from arena.records.replay import replay
 from arena.records.transcript import Head

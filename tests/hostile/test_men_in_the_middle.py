@@ -24,7 +24,7 @@ from arena.protocol.handshake import new_secret, sign_challenge
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Challenge, Ended, Lobby, Orders, Ready, Refusal, SealedAnswer, Signed, Ticket, Turn, Wait
 from arena.protocol.signed import STATEMENT_VERSION
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 from arena.records.replay import verify
 from clients.commands.connecting import trust
 from clients.runner import Runner

@@ -17,7 +17,7 @@ import typer
 
 from arena.cli import plug_ins
 from arena.console import AsJson, print_json, print_table, say
-from arena.errors import InputError, UnknownNameError
+from arena.errors import ArenaError, InputError, UnknownNameError
 
 Progress = Callable[[str], None]
 """Says in a few words what a benchmark is at."""
@@ -25,13 +25,17 @@ Benchmark = Callable[..., dict[str, Any]]
 """Is given its `Progress`, and returns numbers, nested under names as deep as it likes.
 
 One that has a parameter `minutes` goes on for as long as it is told; what it does untold is short enough for `--all`. One that
-has a parameter `turn_time` holds turns against a clock of so many seconds.
+has a parameter `turn_time` holds turns against a clock of so many seconds; one with a parameter `seed` draws what it does by it.
+
+Where promises are tried, `broken` among the results lists in sentences those that were not kept; the command then ends with exit
+code 1.
 """
 
 
 _FOR_THOSE = {
     "minutes": "--minutes is for benchmarks that measure for as long as they are told",
     "turn_time": "--turn-time is for benchmarks that count late turns",
+    "seed": "--seed is for benchmarks that draw what they do",
 }
 GROUP = "arena.benchmarks"
 """Entry points of other people's benchmarks."""
@@ -70,6 +74,7 @@ def bench(
         float | None,
         typer.Option(min=0.001, metavar="SECONDS", help="Of a turn, of those that count late ones; 0.1 without it."),
     ] = None,
+    seed: Annotated[int | None, typer.Option(help="What those draw by that draw; one that is printed without it.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how fast the arena is on this machine."""
@@ -88,10 +93,11 @@ def bench(
             print_table(("benchmark", "what it measures"), rows)
         return
     runs = {name: benchmarks[name]() for name in chosen}
-    given = {option: value for option, value in (("minutes", minutes), ("turn_time", turn_time)) if value is not None}
+    options = {"minutes": minutes, "turn_time": turn_time, "seed": seed}
+    given = {option: value for option, value in options.items() if value is not None}
     taken = {name: signature(run).parameters.keys() & given for name, run in runs.items()}
     for option in given:
-        if not any(option in options for options in taken.values()):
+        if not any(option in its for its in taken.values()):
             raise InputError(f"{_FOR_THOSE[option]}; {', '.join(chosen)} do not")
     results = {}
     for name, run in runs.items():
@@ -101,6 +107,9 @@ def bench(
         print_json(results)
     else:
         print_table(("figure", "value"), _flatten(results))
+    broken = [f"{name} broke a promise: {sentence}" for name, found in results.items() for sentence in found.get("broken", ())]
+    if broken:
+        raise ArenaError(*broken)
 
 
 @contextmanager

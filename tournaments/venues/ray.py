@@ -23,7 +23,7 @@ from ray.exceptions import RayError, RayTaskError
 from arena.errors import ArenaError, InputError
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION
-from arena.local.saving import make_journals_folder, save
+from arena.local.saving import MOST_FILES, make_journals_folder, save
 from arena.local.venue import BarePlan, BareRecord, MatchRecord, dress, play_bare, split, strip
 from arena.records.plan import MatchPlan
 from arena.sandbox.process import Sandbox
@@ -105,7 +105,7 @@ def play_on_cluster(
     by_identity = {plan.identity: plan for plan in plans}
     with session():
         for played in _work(ruleset, split(plans, _n_cores()), bundle, walls):
-            yield from save(dress(played, by_identity), journals)
+            yield from save(dress(played, by_identity), journals, bundled=len(plans) > MOST_FILES)
 
 
 def _work(ruleset: Ruleset, tasks: list[list[MatchPlan]], bundle: Bundle, walls: Walls) -> Iterator[list[BareRecord]]:

@@ -17,7 +17,8 @@ from arena.game.ruleset import RULESETS, Ruleset, load
 from arena.game.types import Team, Termination
 from arena.local.venue import MATCHES_PER_TASK, MatchRecord, play, play_batch, split
 from arena.policy import BatchFactory, MatchInfo, MatchResult
-from arena.records.journal import Mark, journal_name, load_journal, read_journal
+from arena.records.journal import Mark, journal_name, read_journal
+from arena.records.journal_folder import load_journal
 from arena.records.plan import MatchPlan
 from arena.records.replay import verify
 from policies import registry

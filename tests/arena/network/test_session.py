@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import closing, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from threading import Event
 
 import pytest
@@ -65,11 +65,15 @@ def test_a_broadcast_that_begins_late_knows_who_is_there(ends: tuple[Session, Se
 
 
 class Stall:
-    """Stands between a client and its router; while `reads` is not set, nothing of the client's is passed on."""
+    """Stands between a client and its router; while `reads` is not set, nothing of the client's is passed on.
+
+    While `listens` is not set, nothing is passed on to the client.
+    """
 
     def __init__(self, port: int) -> None:
-        self.reads = threading.Event()
+        self.reads, self.listens = threading.Event(), threading.Event()
         self.reads.set()
+        self.listens.set()
         self._listening = socket.create_server(("127.0.0.1", 0))
         self.port = int(self._listening.getsockname()[1])
         self._router = socket.create_connection(("127.0.0.1", port))
@@ -86,14 +90,14 @@ class Stall:
     def _pass_on(self, one: socket.socket, other: socket.socket) -> None:
         with suppress(OSError):
             while data := one.recv(1 << 16):
-                if one is not self._router:
-                    self.reads.wait()
+                (self.listens if one is self._router else self.reads).wait()
                 other.sendall(data)
         with suppress(OSError):
             other.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
         self.reads.set()
+        self.listens.set()
         self._thread.join()
 
 
@@ -104,16 +108,42 @@ def test_a_client_waits_for_a_busy_router_instead_of_leaving_it() -> None:
         came = threading.Semaphore(0)
         router.subscribe("arena/p/lane/*/*/action", lambda sample: came.release())
         with open_client(f"tcp/127.0.0.1:{stall.port}") as client:
-            broadcast = client.broadcast("arena/p/lane/7/blue/action")
-            await_subscribers(broadcast, True)
+            await_subscribers(client.broadcast("arena/p/lane/7/blue/action"), True)
+            put, _ = client.publisher("arena/p/lane/7/blue/action")
             stall.reads.clear()
-            sender = threading.Thread(target=lambda: [broadcast.put(message) for _ in range(n_messages)], daemon=True)
+            sender = threading.Thread(target=lambda: [put(message) for _ in range(n_messages)], daemon=True)
             sender.start()
             sender.join(stall_s)
             assert sender.is_alive(), "the client left, or nothing held it up"
             stall.reads.set()
 
             assert all(came.acquire(timeout=WAIT_S) for _ in range(n_messages))
+            assert client.is_connected()
+
+
+def test_a_spectator_who_stops_reading_misses_what_was_said_and_nobody_waits_for_it() -> None:
+    n_messages, message = 400, bytes(60_000)  # more than all buffers on the way hold
+    port = free_port()
+    with open_router(f"tcp/127.0.0.1:{port}", "p") as router, closing(Stall(port)) as stall:
+        heard: SimpleQueue[bytes] = SimpleQueue()
+        broadcast = router.broadcast("arena/p/match/m/public")
+        with open_client(f"tcp/127.0.0.1:{stall.port}") as client:
+            client.subscribe("arena/p/match/*/public", lambda sample: heard.put(read_payload(sample)))
+            await_subscribers(broadcast, True)
+            stall.listens.clear()
+            for _ in range(n_messages):
+                broadcast.put(message)
+            stall.listens.set()
+            said = "a pit that waits has cut it off, and this is not heard"
+            for _ in range(int(WAIT_S / 0.01)):
+                broadcast.put(said.encode())
+                with suppress(Empty):
+                    if heard.get(timeout=0.01) == said.encode():
+                        break
+            else:
+                pytest.fail(said)
+
+            assert heard.qsize() < n_messages
             assert client.is_connected()
 
 

@@ -15,7 +15,8 @@ import pytest
 from family import LeagueProcess, kill
 
 from arena.records.framing import CutShortError
-from arena.records.journal import load_journal, read_journal, whole_part
+from arena.records.journal import read_journal, whole_part
+from arena.records.journal_folder import load_journal
 from tournaments.store.store import Store, StoreError
 
 logger = logging.getLogger(__name__)

@@ -1,0 +1,107 @@
+"""The soak, small: real processes that fail at random; what it counts; and, of full size, as long as a claim needs."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arena.errors import ArenaError
+from arena.records.journal import journal_name
+from benchmarks.measuring.reckoning import reckon_league
+from benchmarks.measuring.trends import Lives
+from benchmarks.soak import measure
+from tournaments.commands import bench
+from tournaments.league.file import load_league
+from tournaments.running.scheduler import Folders, Scheduler
+from tournaments.store.store import Store
+from tournaments.venues.local import play
+
+Size = Callable[[int, int], int]
+
+
+def test_nothing_is_lost_whatever_is_killed_stopped_or_cut(size: Size) -> None:
+    said: list[str] = []
+    is_full = size(0, 1) == 1
+    chosen: dict[str, Any] = {} if is_full else {"entries": {"ann": "patrol", "bob": "rush"}, "has_league": False, "every_s": 0.1}
+
+    figures = measure(said.append, duration_s=size(1, 15 * 60), seed=7, **chosen)
+
+    assert figures["broken"] == []
+    assert sum(costs["n"] for costs in figures["faults"].values()) >= size(1, 50)
+    assert figures["pit"]["stored"] == figures["pit"]["matches"] > 0
+    assert "seed 7" in said
+    for court in ("pit", "league") if is_full else ("pit",):
+        assert all(n >= 0 for n in figures[court]["late_turns"].values())
+
+
+@pytest.fixture
+def league(tmp_path: Path) -> Path:
+    """Play a league, and return its data folder."""
+    file = tmp_path / "league.toml"
+    file.write_text('name = "league"\npairs = 2\nseed = 1\n[entries]\none = "rush"\ntwo = "patrol"\n')
+    with (
+        Store(str(tmp_path / "arena.db")) as store,
+        Scheduler(load_league(str(file)), store, Folders(data=tmp_path)) as scheduler,
+    ):
+        for outcome in scheduler.run(lambda setting, plans: play(replace(setting), plans)):
+            assert outcome.identity.startswith("league/")
+    return tmp_path
+
+
+def names(data: Path) -> set[str]:
+    return {path.name for path in (data / "journals" / "league").glob("*.journal")}
+
+
+def reckon(data: Path, n_planned: int = 4, **more: Any) -> list[str]:
+    return reckon_league(data, str(data / "arena.db"), "league", n_planned, more.get("seen", names(data))).broken
+
+
+def test_what_is_lost_changed_or_was_never_played_breaks_a_promise(league: Path) -> None:
+    journals = league / "journals" / "league"
+    first, second = sorted(journals.glob("*.journal"))[:2]
+
+    assert [said for said in reckon(league) if "signature" not in said] == []  # a local match has none
+    assert "4 matches are stored of 5 that were to be played" in reckon(league, 5)
+    assert f"the journal {journal_name('league/lost')} is gone" in reckon(league, seen={journal_name("league/lost")})
+    data = bytearray(first.read_bytes())
+    data[-40] ^= 1
+    first.write_bytes(bytes(data))
+    second.write_bytes(second.read_bytes()[: len(second.read_bytes()) // 2])
+    said = "\n".join(reckon(league))
+    assert f"the journal {first.name} does not hold: " in said
+    assert said.count("ended otherwise in the store than in") == 2
+
+
+def test_a_slope_is_found_within_lives_and_noise_is_none() -> None:
+    random = np.random.default_rng(5)
+    flat, grows = Lives(), Lives()
+    for life, level in enumerate((100.0, 900.0, 300.0)):
+        for step in range(120):
+            at_s, noise = 2.0 * step, float(random.normal(0, 5))
+            start = 500.0 * max(0.0, 1 - at_s / 60)  # the warm-up
+            flat.add(life, at_s, level - start + noise)
+            grows.add(life, at_s, level - start + noise + at_s / 60 * 20)
+
+    found, none = grows.slope(), flat.slope()
+
+    assert found is not None
+    assert none is not None
+    assert 15 < found.low < 20 < found.high < 25
+    assert none.low < 0 < none.high
+    assert found.minutes == pytest.approx(3 * 178 / 60)
+    assert Lives().slope() is None
+
+
+def test_a_broken_promise_ends_the_command_with_exit_code_1(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(bench, "_find", lambda: {"soak": lambda: lambda progress: {"broken": ["a match is gone"]}})
+
+    with pytest.raises(ArenaError, match="soak broke a promise: a match is gone") as raised:
+        bench.bench(["soak"], as_json=True)
+
+    assert raised.value.exit_code == 1
+    assert "a match is gone" in capsys.readouterr().out
