@@ -19,8 +19,8 @@ FORGET_WAITING_S = 15.0
 """How long a place in the queue is kept for a client that does not ask again."""
 MOST_QUEUED = 4_096
 """Clients that may wait for a seat at once."""
-MOST_RUNNING = 256
-"""Matches at once; each costs an open file, and fewer begin where there is none left."""
+MOST_RUNNING = 2_000
+"""Matches at once, where nothing else was said; each costs some 50 kB, and fewer begin where no journal can be opened."""
 
 
 @dataclass(slots=True)
@@ -37,7 +37,10 @@ class QueuedClient:
 class Admission:
     """The queue of those who are not seated yet."""
 
-    def __init__(self, ruleset: Ruleset, seating: Seating, register: Register, matches: Matches) -> None:
+    def __init__(
+        self, ruleset: Ruleset, seating: Seating, register: Register, matches: Matches, most_running: int | None = None
+    ) -> None:
+        self._most_running = most_running
         self._ruleset, self._seating, self._register, self._matches = ruleset, seating, register, matches
         self._queue: dict[SlotId, QueuedClient] = {}
         self._sessions: dict[Client, tuple[str, float]] = {}
@@ -47,7 +50,17 @@ class Admission:
 
     @property
     def _has_room(self) -> bool:
-        return len(self._matches.running) < MOST_RUNNING and self.n_journals > 0
+        most = MOST_RUNNING if self._most_running is None else self._most_running
+        return len(self._matches.running) < most and self.n_journals > 0
+
+    @property
+    def _wait(self) -> Wait:
+        """What those are told who wait for long."""
+        if self._has_room:
+            return Wait(reason="for an opponent")
+        if self.n_journals > 0:
+            return Wait(reason=f"for room: the pit plays {len(self._matches.running)} matches, and takes no more at once")
+        return Wait(reason="for room: the pit can open no journal for another match now")
 
     @property
     def n_waiting(self) -> int:
@@ -112,7 +125,7 @@ class Admission:
             waited_s = now_s - client.asked_at_s
             dismissal = self._seating.dismissal(client.name)
             if client.pending is not None and (dismissal is not None or waited_s >= HOLD_QUESTION_S):
-                effects.append(client.pending.reply(dismissal or Wait(reason="for an opponent")))
+                effects.append(client.pending.reply(dismissal or self._wait))
                 client.pending = None
                 if dismissal is not None:
                     self._forget(slot)
@@ -134,7 +147,7 @@ class Admission:
         if before is None and len(self._queue) >= MOST_QUEUED:
             return [pending.reply(Refusal(reason=f"{MOST_QUEUED} clients wait already; come again later"))]
         if before is not None and before.pending is not None:
-            effects.append(before.pending.reply(Wait(reason="for an opponent")))
+            effects.append(before.pending.reply(self._wait))
         self._queue[slot] = QueuedClient(request.name, pending, now_s)
         if not self._has_room:
             given_up = self._matches.give_up_unready(now_s)

@@ -71,7 +71,9 @@ class PitCore:
         seating: Seating,
         time_control: TimeControl,
         register: Register,
+        *,
         n_workers: int = 1,
+        most_matches: int | None = None,
     ) -> None:
         if context.public_delay and not seating.plays_maps_once:
             raise ValueError("a board may be shown with a delay only where its map is never played again")
@@ -82,7 +84,7 @@ class PitCore:
         self._remote: RemoteSessions | None = None
         """Where matches are refereed by workers."""
         self._matches = Matches(context, ruleset, seating, register, make_sessions)
-        self._admission = Admission(ruleset, seating, register, self._matches)
+        self._admission = Admission(ruleset, seating, register, self._matches, most_matches)
         self._taken_last: RationedQueue[Any] = self._requests
         self._operator = Operator(context.identity.public, register, seating, self._matches, self._admission)
         self._lobby = LobbyPublisher(context.identity, self._describe)

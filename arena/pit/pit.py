@@ -56,6 +56,8 @@ class PitSettings:
     n_matches: int | None = None
     fsync: bool = False
     certificate: Certificate | None = None
+    most_matches: int | None = None
+    """At once; see `arena.pit.admission`."""
     n_workers: int = 1
     """Processes that referee the matches: this one alone, or so many others."""
     ladder: Ladder | None = None
@@ -114,6 +116,7 @@ class Pit:
                 settings.journals,
                 register=settings.register,
                 fsync=settings.fsync,
+                most_matches=settings.most_matches,
                 n_workers=settings.n_workers,
                 workers_endpoint=workers_endpoint,
                 on_end=lambda ended: self._report(ended, on_end),

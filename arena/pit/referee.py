@@ -51,6 +51,8 @@ class Referee(MatchLoop):
 
     Parameters
     ----------
+    most_matches
+        At once; as many as `arena.pit.admission` has it without it.
     n_workers
         How many other processes referee the matches, if more than one; then this one only admits those who play.
     workers_endpoint
@@ -68,6 +70,7 @@ class Referee(MatchLoop):
         *,
         register: Register | None = None,
         fsync: bool = False,
+        most_matches: int | None = None,
         n_workers: int = 1,
         workers_endpoint: str = "",
         on_end: Callable[[MatchEnded], None],
@@ -76,7 +79,9 @@ class Referee(MatchLoop):
         self._questions: dict[QuestionId, Query] = {}
         self._question_ids = count()
         self.n_dropped = 0
-        core = self._pit_core = PitCore(context, ruleset, seating, time_control, self._register, n_workers)
+        core = self._pit_core = PitCore(
+            context, ruleset, seating, time_control, self._register, n_workers=n_workers, most_matches=most_matches
+        )
         heard = topics.all_actions(context.pit) if n_workers == 1 else topics.beat(context.pit)
         super().__init__(
             session,

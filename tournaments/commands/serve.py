@@ -28,6 +28,9 @@ def serve(
     grace: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="How long a seat that vanished keeps its place.")] = 10.0,
     missed: Annotated[int, typer.Option(min=1, help="Turns missed in a row that forfeit a match.")] = 10,
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where journals live; your data folder without it.")] = None,
+    most_matches: Annotated[
+        int | None, typer.Option(min=1, max=10_000, metavar="N", help="Matches at once; beyond, clients wait. 2000 without it.")
+    ] = None,
     workers: Annotated[
         int, typer.Option(min=1, max=64, metavar="N", help="Processes that referee the matches; more than one use more cores.")
     ] = 1,
@@ -143,6 +146,7 @@ def serve(
         journals=folder / "journals",
         n_matches=matches,
         fsync=fsync,
+        most_matches=most_matches,
         n_workers=workers,
     )
 

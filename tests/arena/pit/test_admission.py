@@ -278,6 +278,17 @@ def test_beyond_the_most_matches_clients_wait_until_one_is_over(pit: OfflinePit,
     assert isinstance(dan.ask(), Ticket)
 
 
+def test_a_pit_that_is_full_says_so() -> None:
+    pit = OfflinePit(most_matches=1)
+    begin(pit)
+    eve = Player(pit, "eve")
+    assert eve.ask() is None
+
+    pit.pass_time(HOLD_QUESTION_S)
+
+    assert eve.answer() == Wait(reason="for room: the pit plays 1 matches, and takes no more at once")
+
+
 def test_a_full_pit_voids_the_match_whose_seats_are_not_ready_in_time(pit: OfflinePit, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(admission, "MOST_RUNNING", 2)
     playing = begin(pit)
