@@ -4,7 +4,6 @@ No other module of ours imports `zenoh`. Why each setting is what it is stands b
 """
 
 import json
-import socket
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -254,13 +253,6 @@ def _bytes(payload: zenoh.ZBytes) -> bytes:
     return payload.to_bytes() if len(payload) <= MOST_BYTES else b""
 
 
-def free_port() -> int:
-    """Return a TCP port of loopback that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def open_router(
     endpoint: str, pit: str, certificate: Certificate | None = None, *, for_players: bool = True, workers_endpoint: str = ""
 ) -> Session:
@@ -270,10 +262,8 @@ def open_router(
     ----------
     endpoint
         One that begins with tls/ or quic/ needs a certificate, and no other takes one.
-    pit
-        Clients may do what a player of this pit does, and nothing else. The session that is returned may do anything.
-    for_players
-        False lets them do what a spectator does, and nothing else.
+    pit, for_players
+        Clients may do what a player of this pit does, or else a spectator, no more. The session that is returned may do all.
     workers_endpoint
         Where workers of the pit connect, who may do anything as well; by `WORKERS_PROTOCOL`, in a folder of the pit's own.
     """
