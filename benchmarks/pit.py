@@ -55,7 +55,7 @@ class Cost(NamedTuple):
 def run(
     progress: Callable[[str], None], matches: str = MATCHES, workers: int = 1, turn_time: float = TURN_TIME_S
 ) -> dict[str, Any]:
-    """Matches at once in one pit: turns a second beside bare Zenoh, the pit's part of a turn, late orders, and what each costs."""
+    """Matches at once in one pit: turns a second beside bare Zenoh, the pit's part of a turn, late orders, what each costs."""
     results: dict[str, Any] = {"workers": workers, "cores": len(os.sched_getaffinity(0)), "turn_time_s": turn_time}
     for n_matches in read_numbers(matches):
         runs: list[tuple[dict[str, float], dict[str, float]]] = []
@@ -92,9 +92,10 @@ def _measure_pit(n_matches: int, workers: int, turn_time: float | None = None) -
     with _pit(workers, turn_time) as (endpoint, process, metrics):
         seats = ManySeats(endpoint, pause_s)
         try:
-            n_first = min(n_matches, _FIRST)
-            seats.join(2 * n_first, ruleset)
-            _warm(seats, _WARM_S)
+            n_first = 0 if turn_time is None else min(n_matches, _FIRST)
+            if n_first:
+                seats.join(2 * n_first, ruleset)
+                _warm(seats, _WARM_S)
             first = _cost(process)
             seats.join(2 * (n_matches - n_first), ruleset)
             _warm(seats, _WARM_S if turn_time is None else 2 * turn_time)
@@ -104,18 +105,15 @@ def _measure_pit(n_matches: int, workers: int, turn_time: float | None = None) -
         finally:
             seats.close()
         n_late = _count_late(metrics) - late_before
+    costs: dict[str, float] = {"files": after.n_files, "threads": after.n_threads}
+    if n_matches > n_first > 0:
+        costs["kb_a_match"] = round((after.resident_kb - first.resident_kb) / (n_matches - n_first))
     return {
         **_describe(seen.n_turns, seen.took_s, seen.own_parts_s),
         "us_a_turn": round((after.processor_s - before.processor_s) / max(seen.n_turns, 1) * 1e6, 1),
         "late": n_late,
         "late_by_the_load": seen.n_late,
-        **(
-            {"kb_a_match": round((after.resident_kb - first.resident_kb) / (n_matches - n_first), 1)}
-            if n_matches > n_first
-            else {}
-        ),
-        "files": after.n_files,
-        "threads": after.n_threads,
+        **costs,
     }
 
 
