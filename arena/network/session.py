@@ -150,10 +150,8 @@ class Session:
 
     def beat(self, keys: Iterable[str], period_s: float) -> Callable[[], None]:
         """Publish an empty sample on each key every `period_s`, for others to know that this session is served."""
-        publishers = [
-            self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP, express=True) for key in keys
-        ]
-        return self._beat(publishers, period_s)
+        drop = zenoh.CongestionControl.DROP
+        return self._beat([self._session.declare_publisher(key, congestion_control=drop, express=True) for key in keys], period_s)
 
     def _beat(self, publishers: Iterable[zenoh.Publisher], period_s: float) -> Callable[[], None]:
         stopped = Event()

@@ -31,12 +31,9 @@ class OpenJournals:
 
     def __init__(self, most: int = MOST_OPEN) -> None:
         self._most = most
-        self._descriptors: OrderedDict[int, int] = OrderedDict()
+        self.descriptors: OrderedDict[int, int] = OrderedDict()
         """By the number of the journal, the one that was written to last behind all others."""
         self._numbers = count()
-
-    def __len__(self) -> int:
-        return len(self._descriptors)
 
     def add(self, path: Path, flags: int) -> int:
         """Open a journal, and return its number."""
@@ -48,24 +45,35 @@ class OpenJournals:
         """Return the descriptor of a journal, opening it again if others have taken its place."""
         if number == _CLOSED:
             raise OSError(errno.EBADF, os.strerror(errno.EBADF))
-        descriptor = self._descriptors.get(number)
+        descriptor = self.descriptors.get(number)
         if descriptor is None:
             return self._open(number, path, 0)
-        self._descriptors.move_to_end(number)
+        self.descriptors.move_to_end(number)
         return descriptor
 
     def close(self, number: int) -> None:
         """Close a journal, if it is open."""
-        descriptor = self._descriptors.pop(number, None)
+        descriptor = self.descriptors.pop(number, None)
         if descriptor is not None:
             os.close(descriptor)
 
     def _open(self, number: int, path: Path, flags: int) -> int:
-        while len(self._descriptors) >= self._most:
-            self.close(next(iter(self._descriptors)))
-        descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | flags, 0o600)
-        self._descriptors[number] = descriptor
-        return descriptor
+        """Open a journal, and close others for it as far as is needed."""
+        while len(self.descriptors) >= self._most:
+            self._close_one()
+        while True:
+            try:
+                descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | flags, 0o600)
+            except OSError as error:
+                if error.errno not in (errno.EMFILE, errno.ENFILE) or not self.descriptors or flags:
+                    raise
+                self._close_one()
+            else:
+                self.descriptors[number] = descriptor
+                return descriptor
+
+    def _close_one(self) -> None:
+        self.close(next(iter(self.descriptors)))
 
 
 class JournalFile:
@@ -73,7 +81,7 @@ class JournalFile:
 
     def __init__(self, path: Path, n_bytes: int, *, fsync: bool, among: OpenJournals | None = None) -> None:
         self._path, self._name, self._fsync = path, path, fsync
-        self._open = among or OpenJournals()
+        self._open = OpenJournals() if among is None else among
         try:
             self._number = self._open.add(path, os.O_CREAT)
             os.ftruncate(self._open.find(self._number, path), n_bytes)
@@ -121,7 +129,7 @@ class SpareJournals:
     """
 
     def __init__(self, folder: Path, *, fsync: bool, name: str = "", among: OpenJournals | None = None) -> None:
-        self._open = among or OpenJournals()
+        self._open = OpenJournals() if among is None else among
         self._folder, self._fsync, self._prefix = folder, fsync, f"{_SPARE}{name}"
         self._spare: list[JournalFile] = []
         self._numbers = count()

@@ -37,10 +37,12 @@ from arena.pit.events import (
 from arena.pit.journal_files import find_unfinished, read_piece
 from arena.pit.match_loop import MOST_WAITING, SWEEP_S, MatchLoop
 from arena.pit.match_session import PitContext
+from arena.pit.matches import RunningMatch
 from arena.pit.register import Register
 from arena.pit.seating import Seating
 from arena.pit.workers.messages import Order, WorkerSettings
 from arena.pit.workers.processes import STOP_S, WorkerProcesses
+from arena.pit.workers.remote_sessions import Worker
 from arena.protocol import topics
 
 _LOOK_S = 0.05
@@ -146,8 +148,18 @@ class Referee(MatchLoop):
         return self._pit_core.is_deserted
 
     @property
+    def workers(self) -> list[Worker]:
+        """The workers that referee the matches; none where this process does."""
+        return self._pit_core.workers
+
+    @property
+    def running(self) -> Collection[RunningMatch]:
+        """The matches that are not over, in whatever process."""
+        return self._pit_core.running
+
+    @property
     def matches(self) -> list[Match]:
-        """The matches that are not over, in the order of their beginning."""
+        """The matches of this process that are not over, in the order of their beginning."""
         return self._pit_core.matches
 
     def close(self) -> None:

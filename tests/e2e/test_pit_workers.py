@@ -8,7 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from commands import PATIENCE_S, Command
+from test_monitoring import ask, ports, scrape
 from test_pit import asked, journals, write_bot
+
+__all__ = ["ports"]
 
 Start = Callable[..., Command]
 
@@ -61,19 +64,25 @@ def test_the_same_seeds_give_the_same_journals_with_one_worker_and_with_two(star
 
 
 def test_workers_that_are_killed_are_replaced_and_die_with_their_pit_and_no_tick_is_lost(
-    serve: Start, join: Start, tmp_path: Path
+    serve: Start, join: Start, ports: list[int], tmp_path: Path
 ) -> None:
     bot = write_bot(tmp_path, stop_at=8)
     options = ("--matches", 1, "--turn-time", 60, "--workers", 2)
-    pit = serve(*options)
+    url = f"http://127.0.0.1:{ports[0]}"
+    pit = serve(*options, "--metrics", f"127.0.0.1:{ports[0]}")
     red, blue = join("--team", "red", "--policy", "patrol"), join("--team", "blue", "--policy", bot).wait_for("thinking at 8")
     first = workers_of(pit)
     assert len(first) == 2
 
     for pid in first:
         os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: ask(f"{url}/healthz") == 503)
     for number in (1, 2):
         pit.wait_for(f"worker {number} was replaced")
+    samples = scrape(url)
+    assert [samples[f"arena_worker_restarts_total {number}"] for number in (1, 2)] == [1, 1]
+    assert samples["arena_worker_matches_running 1"] + samples["arena_worker_matches_running 2"] == 1
+    assert ask(f"{url}/healthz") == 200
     second = workers_of(pit)
     assert len(second) == 2
     assert not set(second) & set(first)

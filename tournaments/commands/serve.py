@@ -165,7 +165,7 @@ def serve(
     with opened as kept, ExitStack() as beside:
         monitor = PitMonitor() if metrics else None
         if monitor is not None:
-            beside.enter_context(serve_metrics(metrics, monitor.read))
+            beside.enter_context(serve_metrics(metrics, monitor.read, monitor.check_health))
         server = Pit(replace(chosen, ladder=kept, monitor=monitor))
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: server.stop())

@@ -90,6 +90,8 @@ class Worker:
     room: Room = field(default_factory=lambda: Room(0, 0))
     load: Load = field(default_factory=Load)
     n_restarts: int = 0
+    n_running: int = 0
+    """Matches that are not over."""
     asked: set[QuestionId] = field(default_factory=set)
     """Questions that it has not answered."""
     held: list[tuple[GiveSeat, float]] = field(default_factory=list)
@@ -131,16 +133,9 @@ class RemoteSessions:
         """Matches that may begin before more journals can be opened."""
         return sum(max(worker.n_free, 0) for worker in self.workers.values())
 
-    def count_running(self, worker: int) -> int:
-        """Return how many matches a worker referees."""
-        return sum(one.worker == worker for one in self._running.values())
-
     def take_lane(self, now_s: float) -> int:
         """Return a lane of the worker that has the least to do, of those that have room."""
-        n_of = dict.fromkeys(self.workers, 0)
-        for one in self._running.values():
-            n_of[one.worker] += 1
-        chosen = min(self.workers.values(), key=lambda worker: (worker.n_free <= 0, n_of[worker.number]))
+        chosen = min(self.workers.values(), key=lambda worker: (worker.n_free <= 0, worker.n_running))
         return chosen.lanes.take(now_s)
 
     def begin(self, new: NewMatch, now_s: float) -> list[Effect]:
@@ -257,6 +252,7 @@ class RemoteSessions:
                         one.tick, one.is_waiting, one.counted = progress.tick, progress.is_waiting, dict(progress.faults)
             case Over(id, result, seats, ending):
                 if (one := self._running.pop(id, None)) is not None:
+                    worker.n_running -= 1
                     self._closing[id] = one
                     ended = MatchEnded(header=one.new.header, result=result, seats=dict(seats), entries=one.entries)
                     return self._on_over(MatchOver(id, ended, ending))
@@ -266,6 +262,7 @@ class RemoteSessions:
                     return self._on_closed(MatchClosed(id, one.new.header if has_journal else None))
             case Gone(id, why):
                 if (one := self._running.pop(id, None)) is not None:
+                    worker.n_running -= 1
                     logger.warning("%s cannot be taken up: %s", one.new.header.identity, why)
                     worker.lanes.give_back(one.new.lane, now_s)
                     return [*self._on_over(self._void(one, why)), *self._on_closed(MatchClosed(id, None))]
@@ -294,6 +291,7 @@ class RemoteSessions:
             taken_at_s=now_s,
         )
         self._running[one.id] = one
+        self.workers[one.worker].n_running += 1
         return self._hand(one, now_s, is_resumed=is_resumed)
 
     def _hand(self, one: RemoteMatch, now_s: float, *, is_resumed: bool) -> list[Effect]:

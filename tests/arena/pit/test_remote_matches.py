@@ -1,6 +1,7 @@
 """The pit's side of its workers, without them: what they are handed, what becomes of it when they die, what they leave behind."""
 
 import json
+import pickle
 import time
 from ctypes import c_longlong
 from multiprocessing.connection import Connection
@@ -9,14 +10,15 @@ from queue import SimpleQueue
 from typing import Any
 
 import pytest
-from offline_pit import PIT, RULES, OfflinePit, begin, plan, play
+from offline_pit import PIT, RULES, OfflinePit, Player, begin, plan, play
 
 from arena.errors import ArenaError
 from arena.game.types import Team, Termination
 from arena.match.time_control import TimeControl
 from arena.pit.authenticator import PendingRequest
-from arena.pit.effects import Drop, Effect, TellWorker
-from arena.pit.events import UnfinishedFound, WorkerLost, WorkerReady, WorkerSaid
+from arena.pit.core import PitCore
+from arena.pit.effects import Drop, Effect, TellPit, TellWorker
+from arena.pit.events import ActionReceived, Event, Ordered, TimePassed, UnfinishedFound, WorkerLost, WorkerReady, WorkerSaid
 from arena.pit.match_session import PitContext
 from arena.pit.match_sessions import MatchClosed, MatchOver, NewMatch
 from arena.pit.seats import Seat
@@ -25,7 +27,9 @@ from arena.pit.workers.messages import GiveSeat, Gone, Over, Room, Shut, TakeMat
 from arena.pit.workers.processes import WorkerProcesses
 from arena.pit.workers.remote_sessions import MOST_DEATHS, RemoteSessions
 from arena.pit.workers.worker import describe_version
+from arena.pit.workers.worker_core import WorkerCore
 from arena.protocol.identity import Identity
+from arena.protocol.messages import Done, Ended, Refusal, Signed, Turn
 from arena.records.journal import Header, journal_name, read_journal
 from arena.records.plan import network_name
 from arena.records.replay import verify
@@ -207,7 +211,11 @@ def test_a_worker_of_another_version_is_refused_with_a_sentence(tmp_path: Path) 
     try:
         with pytest.raises(
             ArenaError,
+<<<<<<<< HEAD:tests/arena/pit/test_worker_processes.py
             match=r"^worker 3 is a worker of another version: protocol 99 for \d+; the arena was installed anew: start arena",
+========
+            match=r"^worker 3 is a worker of another version: protocol 99 for \d+; the arena was installed anew",
+>>>>>>>> workers:tests/arena/pit/test_remote_matches.py
         ):
             heard.get(timeout=60.0)()
     finally:
@@ -216,3 +224,78 @@ def test_a_worker_of_another_version_is_refused_with_a_sentence(tmp_path: Path) 
     while not workers.has_ended:
         assert time.monotonic() < end_s
         time.sleep(0.01)
+
+
+class PitWithWorkers(OfflinePit):
+    """A core and its two workers, all of them in this process."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.core = PitCore(CONTEXT, RULES, self.seating, TimeControl(), self.register, n_workers=2)
+        self.workers = {number: WorkerCore(CONTEXT, RULES, TimeControl()) for number in (1, 2)}
+        for number in self.workers:
+            self.do(WorkerReady(number))
+            self.do(WorkerSaid(number, Room(0, 8)))
+
+    def do(self, event: Event) -> list[Effect]:
+        if isinstance(event, ActionReceived):
+            worker = (event.lane - 100_000) // 10_000 + 1
+            self._carry_all(self.workers[worker].receive(event, self.now_s), worker)
+            return []
+        effects = self.core.receive(event, self.now_s)
+        self._carry_all(effects)
+        if isinstance(event, TimePassed):
+            for number, worker in self.workers.items():
+                self._carry_all(worker.receive(event, self.now_s), number)
+        return effects
+
+    def _carry_all(self, effects: list[Effect], worker: int = 0) -> None:
+        for effect in effects:
+            if isinstance(effect, TellWorker):
+                self._carry_all(self.workers[effect.worker].receive(Ordered(effect.order), self.now_s), effect.worker)
+            elif isinstance(effect, TellPit):
+                self.do(WorkerSaid(worker, pickle.loads(pickle.dumps(effect.report))))
+            else:
+                self._carry_out(effect)
+
+
+def test_a_match_in_a_worker_is_played_counted_and_archived_as_in_a_pit_without() -> None:
+    pit = PitWithWorkers()
+    pairs = [begin(pit), begin(pit, "eve", "dan")]
+    assert [worker.n_running for worker in pit.workers.values()] == [1, 1]
+    (ann, bob), (eve, _) = pairs
+
+    ends = play(ann, bob)
+    assert [end.ending for end in ends if isinstance(end, Ended)] == ["tick_limit"] * 2
+    assert isinstance(pit.reply(pit.ask_for_journal(eve.ticket.match)), Refusal)
+    question = pit.ask_for_journal(ann.ticket.match)
+    assert pit.reply(question) is None
+    for player in (ann, bob):
+        player.give_receipt()
+    pit.pass_time()
+
+    [ended] = pit.ended
+    assert (ended.result.ending, ended.header.blue) == (Termination.TICK_LIMIT, "ann")
+    assert pit.register.find("ann") == ann.identity.public
+    journal = read_journal(pit.replies[question] or b"")
+    assert verify(journal) == RULES.tick_limit
+    assert journal.seals is not None
+    assert len(journal.seals.receipts) == 2
+    assert isinstance(ann.ask(match=ann.ticket.match), Signed)
+    assert [one["match"] for one in pit.lobby().running] == [eve.ticket.match]
+
+
+def test_an_operator_reaches_a_match_in_a_worker_and_so_does_a_client_that_comes_back() -> None:
+    pit = PitWithWorkers()
+    ann, bob = begin(pit)
+    play(ann, bob, n_ticks=2)
+    operator = Player(pit, "operator", PIT)
+
+    ann.vanish()
+    ann.join(match=ann.ticket.match).ready()
+    assert any(isinstance(message, Turn) for message in ann.read())
+    assert isinstance(operator.command("abort", ann.ticket.match), Done)
+    assert [message.ending for message in bob.read() if isinstance(message, Ended)] == ["void"]
+    assert isinstance(operator.command("abort", ann.ticket.match), Refusal)
+    [ended] = pit.ended
+    assert ended.seats[ann.team].vanished == 1
