@@ -7,7 +7,7 @@ import tomllib
 from errno import EFBIG, EINVAL, EISDIR
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 logger = logging.getLogger(__name__)
 
@@ -28,17 +28,22 @@ def read_file(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
     OSError
         It cannot be read, is no regular file, or has more bytes than `most_bytes`; `strerror` says which.
     """
+    with open_file(path, most_bytes) as file:
+        data = file.read(most_bytes + 1)  # some files say that they have 0 bytes, and others grow
+    if len(data) > most_bytes:
+        raise _too_large(most_bytes)
+    return data
+
+
+def open_file(path: Path, most_bytes: int | None = None) -> BinaryIO:
+    """Open a file to read some of it; raises as `read_file` does, for too many bytes only where a most is given."""
     descriptor = os.open(path, _FLAGS)
     try:
         _check(os.fstat(descriptor), most_bytes)
     except OSError:
         os.close(descriptor)
         raise
-    with os.fdopen(descriptor, "rb") as file:
-        data = file.read(most_bytes + 1)  # some files say that they have 0 bytes, and others grow
-    if len(data) > most_bytes:
-        raise _too_large(most_bytes)
-    return data
+    return os.fdopen(descriptor, "rb")
 
 
 def read_text(path: Path) -> str:
@@ -53,12 +58,12 @@ def check_file(path: Path, most_bytes: int) -> int:
     return found.st_size
 
 
-def _check(found: os.stat_result, most_bytes: int) -> None:
+def _check(found: os.stat_result, most_bytes: int | None) -> None:
     if stat.S_ISDIR(found.st_mode):
         raise OSError(EISDIR, os.strerror(EISDIR))
     if not stat.S_ISREG(found.st_mode):
         raise OSError(EINVAL, f"it is {_KINDS.get(stat.S_IFMT(found.st_mode), 'something else')}, not a file")
-    if found.st_size > most_bytes:
+    if most_bytes is not None and found.st_size > most_bytes:
         raise _too_large(most_bytes)
 
 

@@ -20,14 +20,13 @@ from arena.game.ruleset import load as load_rules
 from arena.game.types import Termination
 from arena.local.venue import play
 from arena.match.time_control import TimeControl
-from arena.network.address import Address
-from arena.network.session import free_port
+from arena.network.address import Address, free_port
 from arena.pit.effects import MatchEnded
 from arena.pit.ladder import Ladder, LadderMatch, Waiting
 from arena.pit.pit import Pit, PitSettings
 from arena.pit.register import Register
 from arena.protocol.identity import Identity
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 from arena.records.replay import BrokenChainError
 from arena.records.verification import check_seals
 from benchmarks.measuring.ladder_order import measure_order

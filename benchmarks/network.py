@@ -1,7 +1,8 @@
 """The network: turns per second and the latency of a turn, with clients that always give the same orders.
 
 With the environment variable ARENA_YARDSTICK, a folder with `zenoh_turns.py`, bare Zenoh runs by turns with ours, with the same
-matches and processes: it puts as many bytes, and does nothing else.
+matches and processes: it puts as many bytes, and does nothing else. What a turn costs is told in microseconds of processor time,
+too, which other work on the machine changes less than the turns in a second.
 """
 
 import json
@@ -13,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -24,7 +26,8 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team
 from arena.match.time_control import TimeControl
-from arena.network.session import free_port, open_router
+from arena.network.address import free_port
+from arena.network.session import open_router
 from arena.pit.effects import MatchEnded
 from arena.pit.match_session import PitContext
 from arena.pit.referee import Referee
@@ -33,6 +36,7 @@ from arena.policy import BatchPolicy, Orders
 from arena.protocol.identity import Identity
 from arena.protocol.sealing import Opener, Sealer
 from arena.records.plan import MatchPlan
+from benchmarks.measuring.processor_time import Spent, children_of, spent_by
 from clients.runner import Runner
 from clients.settings import ClientSettings
 
@@ -42,6 +46,8 @@ RUNS = 3
 RUN_S = 3.0
 _START_LIMIT_S = 60.0
 _NAME = "constant"
+_LOOK_S = 0.25
+"""Between two looks at what a yardstick has spent."""
 _SEALINGS = 20_000
 MESSAGE_BYTES = (500, 20)
 """Of an observation under ruleset paper, and of orders, about."""
@@ -76,10 +82,9 @@ def run(progress: Callable[[str], None]) -> dict[str, Any]:
 
 def _summary(pairs: list[Any]) -> dict[str, Any]:
     """Return medians, and of the ratio pair by pair."""
-    names = ("ticks_per_s", "p50_ms", "p99_ms")
-    summary: dict[str, Any] = {name: round(median(ours[name] for ours, _ in pairs), 3) for name in names}
+    summary: dict[str, Any] = {name: round(median(ours[name] for ours, _ in pairs), 3) for name in pairs[0][0]}
     if all(bare for _, bare in pairs):
-        summary["yardstick"] = {name: round(median(bare[name] for _, bare in pairs), 3) for name in names}
+        summary["yardstick"] = {name: round(median(bare[name] for _, bare in pairs), 3) for name in pairs[0][1]}
         summary["ratio"] = round(median(ours["ticks_per_s"] / bare["ticks_per_s"] for ours, bare in pairs), 3)
     return summary
 
@@ -102,9 +107,10 @@ def _measure(n_matches: int, seats_per_process: int) -> dict[str, float]:
             _run_until(referee, lambda: referee.n_running == n_matches and min(_ticks(referee)) > 5, _START_LIMIT_S)
             end_s = time.monotonic() + 0.5
             _run_until(referee, lambda: time.monotonic() >= end_s, 10.0)
-            before, begin_s = _ticks(referee), time.monotonic()
+            sides = [os.getpid()], [client.pid for client in clients if client.pid is not None]
+            spent_before, before, begin_s = [spent_by(side) for side in sides], _ticks(referee), time.monotonic()
             _run_until(referee, lambda: time.monotonic() >= begin_s + RUN_S, 2 * RUN_S)
-            took_s, after = time.monotonic() - begin_s, _ticks(referee)
+            took_s, after, spent_after = time.monotonic() - begin_s, _ticks(referee), [spent_by(side) for side in sides]
             latencies = sorted(
                 max(pair)
                 for match, first, last in zip(referee.matches, before, after, strict=True)
@@ -115,10 +121,17 @@ def _measure(n_matches: int, seats_per_process: int) -> dict[str, float]:
                 client.kill()
                 client.join()
             referee.close()
+    n_ticks = sum(after) - sum(before)
+    pit, theirs = (later.since(sooner) for sooner, later in zip(spent_before, spent_after, strict=True))
     return {
-        "ticks_per_s": (sum(after) - sum(before)) / took_s,
+        "ticks_per_s": n_ticks / took_s,
         "p50_ms": latencies[len(latencies) // 2] * 1e3,
         "p99_ms": latencies[int(len(latencies) * 0.99)] * 1e3,
+        "us_a_turn": (pit.total_s + theirs.total_s) / n_ticks * 1e6,
+        "us_of_referee": pit.own_s / n_ticks * 1e6,
+        "us_of_its_zenoh": pit.zenoh_s / n_ticks * 1e6,
+        "us_of_clients": theirs.own_s / n_ticks * 1e6,
+        "us_of_their_zenoh": theirs.zenoh_s / n_ticks * 1e6,
     }
 
 
@@ -161,9 +174,23 @@ def _yardstick(folder: Path, matches: int, seats: int) -> dict[str, float]:
         sys.executable, "-W", "ignore", str(folder / "zenoh_turns.py"), "--matches", str(matches), "--per-process", str(seats),
         "--seconds", str(RUN_S), "--endpoint", f"tcp/127.0.0.1:{free_port()}",
     ]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
-    facts = json.loads(done.stdout.splitlines()[-1])
-    return {"ticks_per_s": facts["ticks_per_s"], "p50_ms": facts["tick_ms"]["p50"], "p99_ms": facts["tick_ms"]["p99"]}
+    looks: list[tuple[float, Spent]] = []
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+        while running.poll() is None:
+            looks.append((time.monotonic(), spent_by([running.pid, *children_of(running.pid)])))
+            time.sleep(_LOOK_S)
+        said = "" if running.stdout is None else running.stdout.read()
+    if running.returncode:
+        raise ArenaError(f"the yardstick failed: exit code {running.returncode}")
+    facts = json.loads(said.splitlines()[-1])
+    rates = [(later[1].total_s - sooner[1].total_s) / (later[0] - sooner[0]) for sooner, later in pairwise(looks[:-1])]
+    in_run = rates[-int(0.8 * RUN_S / _LOOK_S) :]  # what it measured last, without its own end
+    return {
+        "ticks_per_s": facts["ticks_per_s"],
+        "p50_ms": facts["tick_ms"]["p50"],
+        "p99_ms": facts["tick_ms"]["p99"],
+        "us_a_turn": median(in_run) / facts["ticks_per_s"] * 1e6,
+    }
 
 
 def _time_sealing() -> float:

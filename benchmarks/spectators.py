@@ -21,8 +21,8 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team
 from arena.match.time_control import TimeControl
-from arena.network.address import Address
-from arena.network.session import free_port, open_client, open_router
+from arena.network.address import Address, free_port
+from arena.network.session import open_client, open_router
 from arena.pit.match_session import PitContext
 from arena.pit.referee import Referee
 from arena.pit.seating import PlannedSeating

@@ -19,7 +19,7 @@ replay = typer.Typer(no_args_is_help=True, help="Look at journals, or check them
 
 @replay.command("verify")
 def verify_journals(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER...", help="Journals, or folders of them.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER...", help="Journals, or folders or bundles of them.")],
     pit: Annotated[
         str, typer.Option(metavar="KEY|ADDRESS", help="The pit that must have signed: its key, or arena:// address.")
     ] = "",
@@ -47,7 +47,7 @@ def verify_journals(
 
     from arena.compiling import compile_rules
     from arena.display.signers import Signers, read_named
-    from arena.records.journal import find_journals
+    from arena.records.journal_folder import find_journals
 
     if is_local and (pit or entry):
         raise InputError("--local takes journals that nobody signed, so there is no key to compare with --pit and --entry")
@@ -99,7 +99,7 @@ def _print_checks(checks: list[dict[str, Any]], broken: list[dict[str, Any]]) ->
 
 def _check(path: Path, transcript: Path | None, signers: "Signers", *, is_local: bool) -> dict[str, Any]:
     """Return what `--json` prints of one journal."""
-    from arena.records.journal import load_journal
+    from arena.records.journal_folder import load_journal
     from arena.records.replay import BrokenChainError, verify
     from arena.records.transcript import load_transcript
     from arena.records.verification import check_seals, compare
@@ -154,6 +154,21 @@ def _format_signatures(seals: dict[str, Any] | None) -> str:
     parts = {"pit": seals["pit"], **seals["receipts"]}
     bad = [f"{who} {standing}" for who, standing in parts.items() if standing != "holds"]
     return ", ".join(bad) if bad else "by pit, blue and red"
+
+
+@replay.command("list")
+def list_journals(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER...", help="Folders of journals, or bundles of them.")],
+    as_json: AsJson = False,
+) -> None:
+    """Print the path of every journal, a line each; one in a bundle has a path like a file, which every command takes."""
+    from arena.records.journal_folder import find_journals
+
+    paths = [str(path) for path in find_journals(files)]
+    if as_json:
+        print_json(paths)
+    else:
+        say(*paths)
 
 
 @replay.command("show")

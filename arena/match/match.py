@@ -4,6 +4,7 @@ Nothing here knows of a network, a file or a clock; `now_s` is whatever the call
 of a call out in their order, which puts each tick into the journal before anything is sent of the next.
 """
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
@@ -16,6 +17,7 @@ from arena.game.state import StateField
 from arena.game.types import Action, Team, Termination
 from arena.match.effects import Ask, Effect, End, Publish, Write
 from arena.match.seat_clock import SeatClock
+from arena.match.seat_record import SeatRecord
 from arena.match.time_control import TimeControl
 from arena.policy import MatchResult
 from arena.protocol.observation_codec import ObservationWriter
@@ -37,32 +39,6 @@ class Phase(Enum):
     OVER = "over"
 
 
-@dataclass(slots=True, kw_only=True)
-class SeatRecord:
-    """What was counted of one seat. A number that is not 0 is shown when the match ends."""
-
-    late: int = 0
-    """Turns without an answer in time; of a tick that the ending cut off, nothing is counted."""
-    unreadable: int = 0
-    """Turns with an answer that was not one legal action per unit."""
-    stale: int = 0
-    """Messages that the match has no use for: orders for a tick that was not asked, or others than those that count; ignored.
-
-    The answer to a turn that was ruled late is none when it comes, and neither is a copy of what was taken.
-    """
-    garbled: int = 0
-    """Messages of the seat's holder that were none; ignored."""
-    forged: int = 0
-    """Messages on the seat's key that another made than who held it, now or before; ignored, and not the holder's doing."""
-    vanished: int = 0
-    """Times that the process or its link was gone; one that is slow is late."""
-    latencies_s: list[float] = field(default_factory=list)
-
-    def faults(self) -> dict[str, int]:
-        """Return the counts."""
-        return {name: getattr(self, name) for name in ("late", "unreadable", "stale", "garbled", "forged", "vanished")}
-
-
 _NO_MARK = Mark(0)
 
 
@@ -76,8 +52,10 @@ class _Seat:
     clock: SeatClock
     answer: bytes
     mark: Mark = _NO_MARK
-    shown: list[bytes] = field(default_factory=list)
-    """Observation by observation, the current tick's last."""
+    shown: bytes = b""
+    """The observation of the current tick."""
+    banks_s: list[float] = field(default_factory=list)
+    """The extra time that was left at each tick, which observations say."""
     is_ready: bool = False
     has_answered: bool = False
     missed: int = 0
@@ -127,21 +105,39 @@ class Match:
         return int(field[StateField.BLUE_LIVING]), int(field[StateField.RED_LIVING]), int(field[StateField.SCORE])
 
     def history(self, team: Team, known_ticks: int) -> tuple[list[bytes], list[bytes]]:
-        """Return the observations of a seat's answered ticks from `known_ticks` on, and the orders that were played."""
-        orders = [self._split(orders)[team] for orders in self._past[known_ticks:]]
-        return self._seats[team].shown[known_ticks : len(self._past)], orders
+        """Return the observations of a seat's answered ticks from `known_ticks` on, and the orders that were played.
+
+        They are played again: few seats come back, and what all were shown would be most of the memory of a pit.
+        """
+        games = BatchedGame(self.header.ruleset, 1)
+        games.start([0], [self.header.keys])
+        sight, observations = ObservationWriter(games.observe()[team], 0), list[bytes]()
+        for tick, orders in enumerate(self._past):
+            if tick >= known_ticks:
+                self._set_clock(sight, self._seats[team].banks_s[tick])
+                observations.append(sight.write())
+            games.play(np.frombuffer(orders, np.int8)[None])
+        return observations, [self._split(orders)[team] for orders in self._past[known_ticks:]]
 
     def n_shown_bytes(self, team: Team) -> int:
         """Return the length of every observation of a seat."""
-        return len(self._seats[team].shown[0])
+        return len(self._seats[team].shown)
 
     def truth(self) -> tuple[bytes, list[bytes]]:
         """Return the true board in the codes of Table 2, and what each seat is shown of it."""
-        return self._games.truth(0).tobytes(), [seat.shown[-1] for seat in self._seats.values()]
+        return self._games.truth(0).tobytes(), [seat.shown for seat in self._seats.values()]
 
     def unready_s(self, now_s: float) -> float:
         """Return how long the match has waited for both seats to be ready; 0 once it began."""
         return now_s - self._drawn_at_s if self.phase is Phase.WAITING else 0.0
+
+    @property
+    def due_s(self) -> float:
+        """When `advance` may have something to do, unless something is received before: never sooner than this."""
+        if self.phase is Phase.OVER:
+            return math.inf
+        is_playing = self.phase is Phase.PLAYING
+        return min(seat.clock.due_s(is_asked=is_playing and not seat.has_answered) for seat in self._seats.values())
 
     def is_away(self, team: Team) -> bool:
         """Whether a seat has not come yet, or has vanished."""
@@ -317,9 +313,13 @@ class Match:
     def _show(self) -> None:
         """Write what each seat is to see of the tick that begins."""
         for seat in self._seats.values():
-            if self.time_control.turn_time_s is not None:
-                seat.sight.set_clock(seat.clock.bank_s)
-            seat.shown.append(seat.sight.write())
+            seat.banks_s.append(seat.clock.bank_s)
+            self._set_clock(seat.sight, seat.clock.bank_s)
+            seat.shown = seat.sight.write()
+
+    def _set_clock(self, sight: ObservationWriter, bank_s: float) -> None:
+        if self.time_control.turn_time_s is not None:
+            sight.set_clock(bank_s)
 
     def _ask_all(self, now_s: float) -> list[Effect]:
         effects: list[Effect] = []
@@ -332,7 +332,7 @@ class Match:
         return effects
 
     def _ask(self, seat: _Seat) -> Ask:
-        return Ask(seat.team, len(self._past), seat.shown[-1], seat.clock.charged_us)
+        return Ask(seat.team, len(self._past), seat.shown, seat.clock.charged_us)
 
     def _forfeit(self, losers: Iterable[Team], why: str) -> list[Effect]:
         teams = list(losers)

@@ -8,6 +8,9 @@ import math
 from arena.match.time_control import TimeControl
 from arena.protocol.messages import MOST_US, UNKNOWN_US
 
+_ROUNDING_S = 1e-6
+"""More than sums and differences of times are rounded by."""
+
 
 class SeatClock:
     """Begins with a seat that has not come yet. `now_s` never goes back."""
@@ -86,6 +89,15 @@ class SeatClock:
         """Whether the turn is over without an answer."""
         turn_time_s = self._time_control.turn_time_s
         return turn_time_s is not None and self.is_running and now_s >= self._asked_at_s + turn_time_s + self.bank_s
+
+    def due_s(self, *, is_asked: bool) -> float:
+        """Return when there may be something to rule on next; `is_asked` says whether the seat owes an answer."""
+        if self._away_since_s is not None:
+            return self._away_since_s + self._grace_s - _ROUNDING_S
+        if self._catching_up_since_s is not None:
+            return self._catching_up_until_s
+        turn_time_s = self._time_control.turn_time_s
+        return math.inf if turn_time_s is None or not is_asked else self._asked_at_s + turn_time_s + self.bank_s
 
     def charge(self, answered_at_s: float) -> float:
         """Charge the turn for what it took, and the bank for what that was beyond its time; return what it took."""

@@ -32,6 +32,18 @@ REQUESTS_REFUSED = Metric(
 MESSAGES_DROPPED = Metric(name="arena_messages_dropped", kind="counter", help="Messages dropped since their queue was full.")
 STORE_ROWS_WAITING = Metric(name="arena_store_rows_waiting", kind="gauge", help="Results that are not stored yet.")
 STORE_LAG_SECONDS = Metric(name="arena_store_lag_seconds", kind="gauge", help="How long the oldest of those has waited.")
+WORKER_UP = Metric(name="arena_worker_up", kind="gauge", help="1 if a worker takes matches, else 0.", label="worker")
+WORKER_RESTARTS = Metric(
+    name="arena_worker_restarts", kind="counter", help="Times that a worker ended and was replaced.", label="worker"
+)
+WORKER_MATCHES = Metric(
+    name="arena_worker_matches_running", kind="gauge", help="Matches of a worker that are not over.", label="worker"
+)
+WORKER_PROCESSOR_SECONDS = Metric(
+    name="arena_worker_processor_seconds", kind="counter", help="What a worker has spent of the processor.", label="worker"
+)
+WORKER_RESIDENT_BYTES = Metric(name="arena_worker_resident_bytes", kind="gauge", help="The memory of a worker.", label="worker")
+WORKER_FILES = Metric(name="arena_worker_open_files", kind="gauge", help="Files that a worker has open.", label="worker")
 STORE_SECONDS = Metric(
     name="arena_store_seconds", kind="histogram", help="How long transactions of the store took, waiting included."
 )

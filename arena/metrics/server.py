@@ -28,7 +28,7 @@ Read = Callable[[], Sequence[Reading]]
 
 
 @contextmanager
-def serve_metrics(listen: str, read: Read) -> Iterator[str]:
+def serve_metrics(listen: str, read: Read, check_health: Callable[[], object] | None = None) -> Iterator[str]:
     """Answer a monitor until the end of the block.
 
     Parameters
@@ -37,6 +37,8 @@ def serve_metrics(listen: str, read: Read) -> Iterator[str]:
         As in "127.0.0.1:9100"; port 0 takes a free one.
     read
         What is told.
+    check_health
+        Raises `ArenaError` if the process is not well; `read` without it.
 
     Yields
     ------
@@ -51,7 +53,7 @@ def serve_metrics(listen: str, read: Read) -> Iterator[str]:
     check()
     host, port = _parse(listen)
     try:
-        server = _Server(host, port, read)
+        server = _Server(host, port, read, check_health or read)
     except (OSError, OverflowError) as error:
         said = getattr(error, "strerror", None) or error
         raise InputError(f"--metrics cannot listen at {listen}: {said}; choose another address or port") from error
@@ -75,9 +77,9 @@ def _parse(listen: str) -> tuple[str, int]:
 class _Server(TCPServer):
     allow_reuse_address = True
 
-    def __init__(self, host: str, port: int, read: Read) -> None:
+    def __init__(self, host: str, port: int, read: Read, check_health: Callable[[], object]) -> None:
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        self.read = read
+        self.read, self.check_health = read, check_health
         super().__init__((host, port), _Handler)
 
     def handle_error(self, request: object, client_address: object) -> None:
@@ -97,12 +99,16 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(HTTPStatus.NOT_FOUND, b"there are /healthz and /metrics\n")
         else:
             try:
-                readings = self.server.read()
+                body = expose(self.server.read()) if self.path == "/metrics" else self._check()
             except ArenaError as error:
                 self._answer(HTTPStatus.SERVICE_UNAVAILABLE, f"{error}\n".encode())
             else:
-                self._answer(HTTPStatus.OK, expose(readings) if self.path == "/metrics" else b"well\n")
+                self._answer(HTTPStatus.OK, body)
         time.sleep(_REST_S)
+
+    def _check(self) -> bytes:
+        self.server.check_health()
+        return b"well\n"
 
     def _answer(self, status: HTTPStatus, body: bytes) -> None:
         self.send_response(status)

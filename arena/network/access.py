@@ -61,11 +61,19 @@ def _check_readable(path: Path) -> None:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
 
 
-def access_rules(pit: str, *, for_players: bool = True) -> dict[str, Any]:
+WORKERS_PROTOCOL = "unixsock-stream"
+"""How the workers of a pit connect to its router, and nobody else: in a folder that is the pit's own."""
+_EVERYTHING = [
+    "put", "delete", "declare_subscriber", "query", "reply", "declare_queryable", "liveliness_token", "liveliness_query",
+    "declare_liveliness_subscriber",
+]  # fmt: skip
+
+
+def access_rules(pit: str, *, for_players: bool = True, has_workers: bool = False) -> dict[str, Any]:
     """Return the rules for whoever connects, to play or only to watch: what is not allowed here is denied.
 
-    A key expression is allowed where a rule's includes all of it, so `**` is refused as a whole. What leaves the router must be
-    allowed too: a client sends nothing until it knows that somebody subscribes to its publisher's key.
+    Workers may do anything. A key expression is allowed where a rule's includes all of it, so `**` is refused as a whole. What
+    leaves the router must be allowed too: a client sends nothing until it knows that somebody subscribes to its publisher's key.
     """
     queried = [topics.join(pit), topics.lobby(pit), topics.all_journals(pit)]
     published = [topics.all_public(pit), topics.all_truths(pit), topics.all_delayed(pit)]
@@ -84,7 +92,7 @@ def access_rules(pit: str, *, for_players: bool = True) -> dict[str, Any]:
         "subscribe": ("ingress", ["declare_subscriber"], published),
         "receive samples": ("egress", ["put"], published),
     }
-    return {
+    rules: dict[str, Any] = {
         "enabled": True,
         "default_permission": "deny",
         "rules": [
@@ -94,3 +102,9 @@ def access_rules(pit: str, *, for_players: bool = True) -> dict[str, Any]:
         "subjects": [{"id": "whoever connects"}],
         "policies": [{"rules": list(allowed), "subjects": ["whoever connects"]}],
     }
+    if has_workers:
+        anything = {"id": "do anything", "permission": "allow", "flows": ["ingress", "egress"], "messages": _EVERYTHING}
+        rules["rules"].append({**anything, "key_exprs": ["**"]})
+        rules["subjects"].append({"id": "workers", "link_protocols": [WORKERS_PROTOCOL]})
+        rules["policies"].append({"rules": ["do anything"], "subjects": ["workers"]})
+    return rules

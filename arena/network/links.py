@@ -104,6 +104,8 @@ class Links:
         for _ in range(self._events.qsize()):
             event = self._events.get()
             peer = read_peer(event.link.dst)
+            if not peer[1]:
+                continue  # a worker of the pit
             if event.kind == zenoh.SampleKind.DELETE:
                 self.sessions.pop(peer, None)
             else:

@@ -4,8 +4,7 @@ No other module of ours imports `zenoh`. Why each setting is what it is stands b
 """
 
 import json
-import socket
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from threading import Event, Thread
@@ -16,7 +15,7 @@ import zenoh
 from zenoh.handlers import Callback, RingChannel
 
 from arena.errors import InputError, LostPitError
-from arena.network.access import Certificate, access_rules, check_authority, check_certificate
+from arena.network.access import WORKERS_PROTOCOL, Certificate, access_rules, check_authority, check_certificate
 from arena.network.address import check_endpoint
 from arena.network.capacity import Capacity, find_capacity
 from arena.network.links import Kept, Links, read_peer
@@ -147,13 +146,21 @@ class Session:
 
     def heartbeat(self, key: str, period_s: float) -> Callable[[], None]:
         """Publish an empty sample to this session alone every `period_s`, to wake a `Collector`; return what stops it."""
-        put = self._session.declare_publisher(key, allowed_destination=zenoh.Locality.SESSION_LOCAL).put
+        return self._beat([self._session.declare_publisher(key, allowed_destination=zenoh.Locality.SESSION_LOCAL)], period_s)
+
+    def beat(self, keys: Iterable[str], period_s: float) -> Callable[[], None]:
+        """Publish an empty sample on each key every `period_s`, for others to know that this session is served."""
+        drop = zenoh.CongestionControl.DROP
+        return self._beat([self._session.declare_publisher(key, congestion_control=drop, express=True) for key in keys], period_s)
+
+    def _beat(self, publishers: Iterable[zenoh.Publisher], period_s: float) -> Callable[[], None]:
         stopped = Event()
 
         def run() -> None:
             while not stopped.wait(period_s):
-                with suppress(zenoh.ZError):  # the session is closing
-                    put(b"")
+                for publisher in publishers:
+                    with suppress(zenoh.ZError):  # the session is closing
+                        publisher.put(b"")
 
         def end() -> None:
             stopped.set()
@@ -244,29 +251,26 @@ def _bytes(payload: zenoh.ZBytes) -> bytes:
     return payload.to_bytes() if len(payload) <= MOST_BYTES else b""
 
 
-def free_port() -> int:
-    """Return a TCP port of loopback that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def open_router(endpoint: str, pit: str, certificate: Certificate | None = None, *, for_players: bool = True) -> Session:
+def open_router(
+    endpoint: str, pit: str, certificate: Certificate | None = None, *, for_players: bool = True, workers_endpoint: str = ""
+) -> Session:
     """Listen at an endpoint such as tcp/127.0.0.1:7447, as the router that clients connect to.
 
     Parameters
     ----------
     endpoint
         One that begins with tls/ or quic/ needs a certificate, and no other takes one.
-    pit
-        Clients may do what a player of this pit does, and nothing else. The session that is returned may do anything.
-    for_players
-        False lets them do what a spectator does, and nothing else.
+    pit, for_players
+        Clients may do what a player of this pit does, or else a spectator, no more. The session that is returned may do all.
+    workers_endpoint
+        Where workers of the pit connect, who may do anything as well; by `WORKERS_PROTOCOL`, in a folder of the pit's own.
     """
     check_endpoint(endpoint)
+    if workers_endpoint and endpoint.startswith(WORKERS_PROTOCOL):
+        raise InputError(f"workers are known by {WORKERS_PROTOCOL}/, where nobody else may connect; listen at tcp/ or tls/")
     capacity = find_capacity()
     settings: dict[str, Any] = {
-        "listen/endpoints": [endpoint],
+        "listen/endpoints": [endpoint, workers_endpoint] if workers_endpoint else [endpoint],
         _WAIT_BEFORE_CLOSE: _ROUTER_WAITS_US,
         # By default a millisecond for each spectator who does not read, at every turn.
         f"{_DROP}wait_before_drop": 0,
@@ -275,7 +279,7 @@ def open_router(endpoint: str, pit: str, certificate: Certificate | None = None,
         "transport/unicast/accept_pending": capacity.pending,
         "transport/unicast/accept_timeout": _ACCEPT_TIMEOUT_MS,
         "transport/link/rx/max_message_size": _MOST_WIRE_BYTES,
-        "access_control": access_rules(pit, for_players=for_players),
+        "access_control": access_rules(pit, for_players=for_players, has_workers=bool(workers_endpoint)),
     }
     if _is_encrypted(endpoint) != (certificate is not None):
         raise InputError(f"cannot listen at {endpoint}: tls/ needs a certificate and its key, and tcp/ takes none")

@@ -4,16 +4,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from arena.errors import ForgedError
 from arena.game.ruleset import Ruleset
-from arena.pit.effects import Drop, Effect, Reply
-from arena.pit.events import QuestionId
+from arena.pit.authenticator import PendingRequest
+from arena.pit.effects import Effect
 from arena.pit.matches import Matches
 from arena.pit.register import Register
 from arena.pit.seating import Pairing, Seating, object_to
 from arena.pit.seats import Client, Seat, SlotId
-from arena.protocol.handshake import Caller
-from arena.protocol.messages import JoinRequest, Message, Refusal, Wait
+from arena.protocol.messages import JoinRequest, Refusal, Wait
 
 HOLD_QUESTION_S = 4.0
 """How long a client that waits for a seat is kept without an answer."""
@@ -21,25 +19,8 @@ FORGET_WAITING_S = 15.0
 """How long a place in the queue is kept for a client that does not ask again."""
 MOST_QUEUED = 4_096
 """Clients that may wait for a seat at once."""
-MOST_RUNNING = 256
-"""Matches at once; each costs an open file, and fewer begin where there is none left."""
-
-
-@dataclass(frozen=True, slots=True)
-class PendingRequest:
-    """A request that was opened, and waits for its answer."""
-
-    caller: Caller
-    question: QuestionId
-    session: str = ""
-    """The connection that it says to come from."""
-
-    def reply(self, message: Message) -> Effect:
-        """Answer; a request whose key nothing can be sealed to gets no answer."""
-        try:
-            return Reply(self.question, self.caller.answer(message))
-        except ForgedError:
-            return Drop(self.question)
+MOST_RUNNING = 2_000
+"""Matches at once, where nothing else was said; each costs some 50 kB, and fewer begin where no journal can be opened."""
 
 
 @dataclass(slots=True)
@@ -56,7 +37,10 @@ class QueuedClient:
 class Admission:
     """The queue of those who are not seated yet."""
 
-    def __init__(self, ruleset: Ruleset, seating: Seating, register: Register, matches: Matches) -> None:
+    def __init__(
+        self, ruleset: Ruleset, seating: Seating, register: Register, matches: Matches, most_running: int | None = None
+    ) -> None:
+        self._most_running = most_running
         self._ruleset, self._seating, self._register, self._matches = ruleset, seating, register, matches
         self._queue: dict[SlotId, QueuedClient] = {}
         self._sessions: dict[Client, tuple[str, float]] = {}
@@ -66,7 +50,17 @@ class Admission:
 
     @property
     def _has_room(self) -> bool:
-        return len(self._matches.running) < MOST_RUNNING and self.n_journals > 0
+        most = MOST_RUNNING if self._most_running is None else self._most_running
+        return len(self._matches.running) < most and self.n_journals > 0
+
+    @property
+    def _wait(self) -> Wait:
+        """What those are told who wait for long."""
+        if self._has_room:
+            return Wait(reason="for an opponent")
+        if self.n_journals > 0:
+            return Wait(reason=f"for room: the pit plays {len(self._matches.running)} matches, and takes no more at once")
+        return Wait(reason="for room: the pit can open no journal for another match now")
 
     @property
     def n_waiting(self) -> int:
@@ -94,7 +88,7 @@ class Admission:
         seat = self._matches.find_seat(slot, request)
         if seat is not None:
             self._forget(slot)
-            return [pending.reply(self._matches.issue_ticket(seat, slot, pending.caller))]
+            return self._matches.issue_ticket(seat, slot, pending, now_s)
         if request.match:
             ending = self._matches.find_ending(request.match)
             return [pending.reply(ending or Wait(reason="for another match, since that one is over"))]
@@ -131,7 +125,7 @@ class Admission:
             waited_s = now_s - client.asked_at_s
             dismissal = self._seating.dismissal(client.name)
             if client.pending is not None and (dismissal is not None or waited_s >= HOLD_QUESTION_S):
-                effects.append(client.pending.reply(dismissal or Wait(reason="for an opponent")))
+                effects.append(client.pending.reply(dismissal or self._wait))
                 client.pending = None
                 if dismissal is not None:
                     self._forget(slot)
@@ -153,7 +147,7 @@ class Admission:
         if before is None and len(self._queue) >= MOST_QUEUED:
             return [pending.reply(Refusal(reason=f"{MOST_QUEUED} clients wait already; come again later"))]
         if before is not None and before.pending is not None:
-            effects.append(before.pending.reply(Wait(reason="for an opponent")))
+            effects.append(before.pending.reply(self._wait))
         self._queue[slot] = QueuedClient(request.name, pending, now_s)
         if not self._has_room:
             given_up = self._matches.give_up_unready(now_s)
@@ -175,7 +169,7 @@ class Admission:
         for team, slot in pairing.slots.items():
             pending = self._queue.pop(slot).pending
             if pending is not None:
-                effects.append(pending.reply(self._matches.issue_ticket(Seat(match, team), slot, pending.caller)))
+                effects += self._matches.issue_ticket(Seat(match, team), slot, pending, now_s)
         return effects
 
     def _forget(self, slot: SlotId) -> None:

@@ -1,16 +1,38 @@
 """Who sends a request: whether it is signed by whom it names, recent, and sent for the first time. Without I/O."""
 
+from dataclasses import dataclass
+
 from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey
 
 from arena.errors import ForgedError
+from arena.pit.effects import Drop, Effect, Reply
+from arena.pit.events import QuestionId
 from arena.protocol.codec import encode
 from arena.protocol.handshake import Caller, new_secret, open_request, sign_challenge
 from arena.protocol.identity import Identity
+from arena.protocol.messages import Message
 
 EPOCH_S = 15.0
 """How long a challenge is given out; it is taken for as long again."""
 MOST_USED = 100_000
 """Requests that are remembered of an epoch; beyond, none is taken until the next."""
+
+
+@dataclass(frozen=True, slots=True)
+class PendingRequest:
+    """A request that was opened, and waits for its answer."""
+
+    caller: Caller
+    question: QuestionId
+    session: str = ""
+    """The connection that it says to come from."""
+
+    def reply(self, message: Message) -> Effect:
+        """Answer; a request whose key nothing can be sealed to gets no answer."""
+        try:
+            return Reply(self.question, self.caller.answer(message))
+        except ForgedError:
+            return Drop(self.question)
 
 
 class Authenticator:

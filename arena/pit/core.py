@@ -10,15 +10,17 @@ The effects are to be carried out in their order, before the next event is hande
 of the next tick; if it cannot be written, the pit ends, and nobody has received anything.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from functools import partial
+from itertools import islice
 from typing import Any
 
 from arena.errors import ProtocolError
 from arena.game.ruleset import Ruleset, rules_values
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
-from arena.pit.admission import MOST_QUEUED, Admission, PendingRequest
-from arena.pit.authenticator import Authenticator
+from arena.pit.admission import MOST_QUEUED, Admission
+from arena.pit.authenticator import Authenticator, PendingRequest
 from arena.pit.effects import Drop, Effect, Reply, SaveRegister
 from arena.pit.events import (
     ActionReceived,
@@ -33,14 +35,19 @@ from arena.pit.events import (
     Stopped,
     TimePassed,
     UnfinishedFound,
+    WorkerLost,
+    WorkerReady,
+    WorkerSaid,
 )
 from arena.pit.lobby_publisher import LobbyPublisher
-from arena.pit.match_session import PitContext
-from arena.pit.matches import Matches
+from arena.pit.match_session import MatchSession, PitContext
+from arena.pit.match_sessions import MatchSessions
+from arena.pit.matches import Matches, RunningMatch
 from arena.pit.operator import Operator
 from arena.pit.rationed_queue import RationedQueue
 from arena.pit.register import Register
 from arena.pit.seating import Seating
+from arena.pit.workers.remote_sessions import RemoteSessions, Worker
 from arena.protocol.codec import decode, encode
 from arena.protocol.messages import AdminRequest, ChallengeRequest, JoinRequest, Lobby, Refusal, SealedRequest
 
@@ -58,15 +65,26 @@ class PitCore:
     """All of a pit but its network, its files and its clock."""
 
     def __init__(
-        self, context: PitContext, ruleset: Ruleset, seating: Seating, time_control: TimeControl, register: Register
+        self,
+        context: PitContext,
+        ruleset: Ruleset,
+        seating: Seating,
+        time_control: TimeControl,
+        register: Register,
+        *,
+        n_workers: int = 1,
+        most_matches: int | None = None,
     ) -> None:
         if context.public_delay and not seating.plays_maps_once:
             raise ValueError("a board may be shown with a delay only where its map is never played again")
         self._context, self._ruleset, self._seating, self._register = context, ruleset, seating, register
         self._authenticator = Authenticator(context.pit, context.identity)
         self._requests: RationedQueue[JoinAsked] = RationedQueue(share=_SHARE)
-        self._matches = Matches(context, ruleset, time_control, seating, register)
-        self._admission = Admission(ruleset, seating, register, self._matches)
+        make_sessions = partial(MatchSessions, context, time_control) if n_workers == 1 else partial(self._hire, n_workers)
+        self._remote: RemoteSessions | None = None
+        """Where matches are refereed by workers."""
+        self._matches = Matches(context, ruleset, seating, register, make_sessions)
+        self._admission = Admission(ruleset, seating, register, self._matches, most_matches)
         self._taken_last: RationedQueue[Any] = self._requests
         self._operator = Operator(context.identity.public, register, seating, self._matches, self._admission)
         self._lobby = LobbyPublisher(context.identity, self._describe)
@@ -85,6 +103,9 @@ class PitCore:
             JournalsReady: self._on_journals_ready,
             UnfinishedFound: self._on_unfinished,
             Stopped: self._on_stopped,
+            WorkerReady: self._on_worker,
+            WorkerLost: self._on_worker,
+            WorkerSaid: self._on_worker,
         }
 
     def receive(self, event: Event, now_s: float) -> list[Effect]:
@@ -118,8 +139,18 @@ class PitCore:
 
     @property
     def matches(self) -> list[Match]:
-        """The matches that are not over, in the order of their beginning."""
-        return [session.match for session in self._matches.running]
+        """The matches that are not over, in the order of their beginning; of this process alone."""
+        return [one.match for one in self._matches.running if isinstance(one, MatchSession)]
+
+    @property
+    def running(self) -> Collection[RunningMatch]:
+        """The same, in whatever process they are."""
+        return self._matches.running
+
+    @property
+    def workers(self) -> list[Worker]:
+        """The workers that referee the matches; none where this process does."""
+        return [] if self._remote is None else list(self._remote.workers.values())
 
     @property
     def queues(self) -> dict[str, int]:
@@ -201,6 +232,16 @@ class PitCore:
         self._admission.n_journals = event.n
         return []
 
+    def _hire(self, n_workers: int, *callbacks: Any) -> RemoteSessions:
+        self._remote = RemoteSessions(n_workers, self._context, *callbacks)
+        return self._remote
+
+    def _on_worker(self, event: WorkerReady | WorkerLost | WorkerSaid, now_s: float) -> list[Effect]:
+        assert self._remote is not None
+        effects = self._remote.hear(event, now_s)
+        self._admission.n_journals = self._remote.n_free
+        return effects
+
     def _on_unfinished(self, event: UnfinishedFound, now_s: float) -> list[Effect]:
         return self._matches.resume(event, now_s)
 
@@ -213,7 +254,8 @@ class PitCore:
 
     def _describe(self) -> Lobby:
         running = [
-            {"match": one.id, "blue": one.names[0], "red": one.names[1], "tick": one.match.tick} for one in self._matches.running
+            {"match": one.id, "blue": one.names[0], "red": one.names[1], "tick": one.tick}
+            for one in islice(self._matches.running, MOST_LISTED)
         ]
         return Lobby(
             pit=self._context.pit,
@@ -222,7 +264,7 @@ class PitCore:
             ruleset=rules_values(self._ruleset),
             needs_invite=self._register.needs_invite,
             n_begun=self._matches.n_begun,
-            running=running[:MOST_LISTED],
+            running=running,
             waiting=self._admission.names[:MOST_LISTED],
             standings=self._seating.standings()[:MOST_STANDINGS],
             public_delay=self._context.public_delay,

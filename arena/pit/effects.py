@@ -5,13 +5,16 @@ Those that every turn needs are named tuples: they are made in half the time of 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from arena.game.types import Team
-from arena.match.match import SeatRecord
+from arena.match.seat_record import SeatRecord
 from arena.pit.events import QuestionId
 from arena.policy import MatchResult
 from arena.records.journal import Header
+
+if TYPE_CHECKING:
+    from arena.pit.workers.messages import Order, Report
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +114,21 @@ class MatchEnded:
     """Public keys of those who played."""
 
 
+@dataclass(frozen=True, slots=True)
+class TellWorker:
+    """Tell a worker."""
+
+    worker: int
+    order: "Order"
+
+
+@dataclass(frozen=True, slots=True)
+class TellPit:
+    """Of a worker: tell the pit."""
+
+    report: "Report"
+
+
 Effect = (
     Reply
     | Drop
@@ -123,4 +141,6 @@ Effect = (
     | PublishEnding
     | CloseMatch
     | MatchEnded
+    | TellWorker
+    | TellPit
 )

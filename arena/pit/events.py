@@ -1,10 +1,13 @@
 """What can happen to a pit, as its core takes it in."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from arena.game.types import Team
 from arena.records.journal import Journal
+
+if TYPE_CHECKING:
+    from arena.pit.workers.messages import Order, Report
 
 QuestionId = int
 """Names a question that waits for its answer; the shell chooses it, and never uses it again."""
@@ -102,6 +105,45 @@ class Stopped:
     """The pit stops: every match is left as it stands, so that a later process can resume it."""
 
 
+@dataclass(frozen=True, slots=True)
+class WorkerReady:
+    """A worker has started, at first or anew, and takes matches."""
+
+    worker: int
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerLost:
+    """A worker has ended, and another is started in its place."""
+
+    worker: int
+    lane: int | None = None
+    """Of the match that it was at, if it was at one."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerSaid:
+    """A worker reports."""
+
+    worker: int
+    report: "Report"
+
+
+@dataclass(frozen=True, slots=True)
+class Ordered:
+    """To a worker: the pit orders something."""
+
+    order: "Order"
+
+
+@dataclass(frozen=True, slots=True)
+class MatchTaken:
+    """To a worker: a match is to be taken up where its journal stands."""
+
+    found: UnfinishedFound
+    lane: int
+
+
 Event = (
     JoinAsked
     | LobbyAsked
@@ -114,4 +156,9 @@ Event = (
     | JournalsReady
     | UnfinishedFound
     | Stopped
+    | WorkerReady
+    | WorkerLost
+    | WorkerSaid
+    | Ordered
+    | MatchTaken
 )

@@ -1,7 +1,9 @@
 """The journals of a pit as files: written ahead, read piece by piece, and found again after the pit was killed."""
 
+import errno
 import logging
 import os
+from collections import OrderedDict
 from collections.abc import Iterable, Iterator
 from itertools import count
 from pathlib import Path
@@ -17,17 +19,72 @@ logger = logging.getLogger(__name__)
 
 PIECE_BYTES = 50_000
 MOST_SPARE = 8
+MOST_OPEN = 128
+"""Journals of a process that are open at once, those to spare among them; another is opened for each write."""
 _SPARE = ".spare-"
+_CLOSED = -1
+"""In place of the number of a journal that is written no more."""
+
+
+class OpenJournals:
+    """The journals of a process that are open: those written to last, so that many matches need no more files than few."""
+
+    def __init__(self, most: int = MOST_OPEN) -> None:
+        self._most = most
+        self.descriptors: OrderedDict[int, int] = OrderedDict()
+        """By the number of the journal, the one that was written to last behind all others."""
+        self._numbers = count()
+
+    def add(self, path: Path, flags: int) -> int:
+        """Open a journal, and return its number."""
+        number = next(self._numbers)
+        self._open(number, path, flags)
+        return number
+
+    def find(self, number: int, path: Path) -> int:
+        """Return the descriptor of a journal, opening it again if others have taken its place."""
+        if number == _CLOSED:
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+        descriptor = self.descriptors.get(number)
+        if descriptor is None:
+            return self._open(number, path, 0)
+        self.descriptors.move_to_end(number)
+        return descriptor
+
+    def close(self, number: int) -> None:
+        """Close a journal, if it is open."""
+        descriptor = self.descriptors.pop(number, None)
+        if descriptor is not None:
+            os.close(descriptor)
+
+    def _open(self, number: int, path: Path, flags: int) -> int:
+        """Open a journal, and close others for it as far as is needed."""
+        while len(self.descriptors) >= self._most:
+            self._close_one()
+        while True:
+            try:
+                descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | flags, 0o600)
+            except OSError as error:
+                if error.errno not in (errno.EMFILE, errno.ENFILE) or not self.descriptors or flags:
+                    raise
+                self._close_one()
+            else:
+                self.descriptors[number] = descriptor
+                return descriptor
+
+    def _close_one(self) -> None:
+        self.close(next(iter(self.descriptors)))
 
 
 class JournalFile:
     """A journal that is being written. Whatever cannot be written raises `ArenaError`."""
 
-    def __init__(self, path: Path, n_bytes: int, *, fsync: bool) -> None:
+    def __init__(self, path: Path, n_bytes: int, *, fsync: bool, among: OpenJournals | None = None) -> None:
         self._path, self._name, self._fsync = path, path, fsync
+        self._open = OpenJournals() if among is None else among
         try:
-            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-            os.ftruncate(self._descriptor, n_bytes)
+            self._number = self._open.add(path, os.O_CREAT)
+            os.ftruncate(self._open.find(self._number, path), n_bytes)
         except OSError as error:
             raise _failure(error) from error
 
@@ -38,9 +95,10 @@ class JournalFile:
     def append(self, data: bytes) -> None:
         """Hand bytes to the system, all or nothing."""
         try:
-            n_written = os.write(self._descriptor, data)
+            descriptor = self._open.find(self._number, self._path)
+            n_written = os.write(descriptor, data)
             if self._fsync:
-                os.fdatasync(self._descriptor)
+                os.fdatasync(descriptor)
             if self._name != self._path and n_written == len(data):
                 keep_former(self._name)
                 self._path = self._path.rename(self._name)
@@ -51,7 +109,8 @@ class JournalFile:
 
     def close(self) -> None:
         """Close the file as it stands."""
-        os.close(self._descriptor)
+        self._open.close(self._number)
+        self._number = _CLOSED
         if self._name != self._path:
             self._path.unlink(missing_ok=True)
 
@@ -61,14 +120,21 @@ def _failure(error: OSError) -> ArenaError:
 
 
 class SpareJournals:
-    """Files that are open for the next matches, so that no match begins whose journal cannot be opened."""
+    """Files that are open for the next matches, so that no match begins whose journal cannot be opened.
 
-    def __init__(self, folder: Path, *, fsync: bool) -> None:
-        self._folder, self._fsync = folder, fsync
+    Parameters
+    ----------
+    name
+        Sets those of one process apart from those of others that write into the same folder; none is the beginning of another.
+    """
+
+    def __init__(self, folder: Path, *, fsync: bool, name: str = "", among: OpenJournals | None = None) -> None:
+        self._open = OpenJournals() if among is None else among
+        self._folder, self._fsync, self._prefix = folder, fsync, f"{_SPARE}{name}"
         self._spare: list[JournalFile] = []
         self._numbers = count()
         self._has_failed = False
-        for left in folder.glob(f"{_SPARE}*"):  # by a pit that was killed
+        for left in folder.glob(f"{self._prefix}*"):  # by a pit that was killed
             left.unlink(missing_ok=True)
 
     def __len__(self) -> int:
@@ -77,9 +143,9 @@ class SpareJournals:
     def refill(self) -> None:
         """Open as many as are kept; fewer where the system has no descriptor or no inode left, until it has."""
         while len(self._spare) < MOST_SPARE:
-            path = self._folder / f"{_SPARE}{next(self._numbers)}"
+            path = self._folder / f"{self._prefix}{next(self._numbers)}"
             try:
-                spare = JournalFile(path, 0, fsync=self._fsync)
+                spare = JournalFile(path, 0, fsync=self._fsync, among=self._open)
             except ArenaError as error:
                 if not self._has_failed:
                     logger.warning("no match begins for now: %s", error)

@@ -20,7 +20,8 @@ from arena.pit.seats import SlotId
 from arena.policy import MatchResult
 from arena.protocol.identity import to_text
 from arena.protocol.messages import Closed, JoinRequest, Refusal, Wait
-from arena.records.journal import identity_of, journal_name, load_journal
+from arena.records.journal import identity_of, journal_name
+from arena.records.journal_folder import load_journal
 from arena.records.plan import MatchPlan, PitMatchId
 from arena.records.replay import BrokenChainError, verify
 

@@ -17,10 +17,12 @@ class Lanes:
     ----------
     first
         The first number; another for each process of a pit, so that what is still on its way to an earlier one meets no match.
+    within
+        The numbers that there are, where others are somebody else's.
     """
 
-    def __init__(self, first: int) -> None:
-        self._next = first
+    def __init__(self, first: int, within: range | None = None) -> None:
+        self._next, self._within = first, within
         self._resting: deque[tuple[float, int]] = deque()
         """When each may be used again, the first to be so first."""
 
@@ -28,8 +30,10 @@ class Lanes:
         """Return a lane that no match uses."""
         if self._resting and self._resting[0][0] <= now_s:
             return self._resting.popleft()[1]
-        self._next += 1
-        return self._next - 1
+        lane, self._next = self._next, self._next + 1
+        if self._within is not None and self._next == self._within.stop:
+            self._next = self._within.start
+        return lane
 
     def give_back(self, lane: int, now_s: float) -> None:
         """Let a lane rest."""

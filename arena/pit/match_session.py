@@ -1,6 +1,6 @@
 """One match with its seats' keys: sealed messages and the time go in, effects come out."""
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -97,7 +97,11 @@ class MatchSession:
         former: Mapping[Team, tuple[Opener, ...]],
     ) -> None:
         self.match, self._context, self.lane = match, context, lane
+        self.entries = entries
+        """Public keys of those who play."""
         self.id = network_name(match.header.identity, context.identity.public, nonce)
+        self.due_s = 0.0
+        """Before then, `advance` need not be called; 0 after anything was received."""
         self.ending: Signed | None = None
         """How the match ended, as both seats and everyone else get it."""
         self.names = [match.header.blue, match.header.red]
@@ -124,9 +128,13 @@ class MatchSession:
         return {team: seat.openers for team, seat in self.seats.items()}
 
     @property
-    def entries(self) -> dict[Team, bytes]:
-        """Public keys of those who play."""
-        return {team: seat.entry for team, seat in self.seats.items()}
+    def tick(self) -> int:
+        """Ticks played so far."""
+        return self.match.tick
+
+    def faults(self) -> dict[str, int]:
+        """Return what was counted of both seats."""
+        return dict(sum((Counter(self.match.record(team).faults()) for team in Team), Counter()))
 
     @property
     def has_receipts(self) -> bool:
@@ -192,7 +200,9 @@ class MatchSession:
         """Let time pass."""
         for seat in self.seats.values():
             seat.n_rejected = 0
-        return self.carry(self.match.advance(now_s))
+        effects = self.carry(self.match.advance(now_s))
+        self.due_s = self.match.due_s
+        return effects
 
     def carry(self, match_effects: Iterable[MatchEffect]) -> list[Effect]:
         """Return what the pit is to do for what the match wants done."""

@@ -1,73 +1,120 @@
-"""All matches of a pit: those that run, those that wait for their receipts, and the journals of those that are over."""
+"""All matches of a pit: who sits where in those that run, how those that are over ended, and the journals of those."""
 
 import logging
 import secrets
 from collections import OrderedDict
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable
+from typing import Protocol
 
-from arena.errors import JournalError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
-from arena.match.match import Match
-from arena.match.time_control import TimeControl
 from arena.pit.archive import MOST_KEPT, Archive
-from arena.pit.effects import CloseMatch, Effect, MatchEnded, OpenMatch, ReplyWithJournal
-from arena.pit.events import ActionReceived, JournalAsked, UnfinishedFound
-from arena.pit.lanes import Lanes
-from arena.pit.match_session import MatchSession, PitContext
+from arena.pit.authenticator import PendingRequest
+from arena.pit.effects import Effect, ReplyWithJournal
+from arena.pit.events import ActionReceived, UnfinishedFound
+from arena.pit.match_session import PitContext
+from arena.pit.match_sessions import MatchClosed, MatchOver, NewMatch
 from arena.pit.rationed_queue import RationedQueue
 from arena.pit.register import Register
 from arena.pit.seating import Pairing, Seating
 from arena.pit.seats import Client, Seat, SeatBook, SlotId
-from arena.protocol.handshake import Caller, new_secret
-from arena.protocol.messages import JoinRequest, Signed, Ticket
-from arena.protocol.sealing import Opener
+from arena.protocol.messages import JoinRequest, Signed
 from arena.records.journal import NONCE_BYTES, Header
+from arena.records.plan import network_name
 
 logger = logging.getLogger(__name__)
 
-RECEIPTS_S = 2.0
-"""How long a match that is over waits for its receipts."""
-PATIENCE_S = 1.0
-"""How long seats may take to get ready, while others wait for room."""
-_LANES_APART = 3_000
-"""Between the first lanes of two processes: more than a pit ever needs at once."""
+
+class RunningMatch(Protocol):
+    """What a pit knows of a match that runs, in whatever process."""
+
+    id: str
+    names: list[str]
+    """Blue's, and red's."""
+    entries: dict[Team, bytes]
+    """Public keys of those who play."""
+
+    @property
+    def tick(self) -> int:
+        """Ticks played so far."""
+
+    def faults(self) -> dict[str, int]:
+        """Return what was counted of both seats."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Closing:
-    """A match that is over and waits for its receipts."""
+class Sessions(Protocol):
+    """Who referees the matches of a pit: `MatchSessions`, in this process, or `RemoteSessions`, in workers."""
 
-    session: MatchSession
-    until_s: float
+    @property
+    def running(self) -> Collection[RunningMatch]:
+        """Those that are not over, in the order of their beginning."""
+
+    @property
+    def has_closing(self) -> bool:
+        """Whether a match waits for its receipts."""
+
+    def take_lane(self, now_s: float) -> int:
+        """Return a lane for the next match."""
+
+    def begin(self, new: NewMatch, now_s: float) -> list[Effect]:
+        """Begin a match."""
+
+    def resume(self, found: UnfinishedFound, lane: int, now_s: float) -> list[Effect]:
+        """Take up an unfinished match at its very tick; nothing is done if its journal does not hold."""
+
+    def receive(self, event: ActionReceived, now_s: float) -> list[Effect]:
+        """Take a message on a seat's key."""
+
+    def advance(self, now_s: float) -> list[Effect]:
+        """Let time pass."""
+
+    def issue_ticket(self, seat: Seat, pending: PendingRequest, now_s: float) -> list[Effect]:
+        """Give a seat of a running match to who asks for it, under new keys."""
+
+    def leave(self, seat: Seat, now_s: float) -> list[Effect]:
+        """Note that the process which held a seat is gone."""
+
+    def forfeit(self, seat: Seat, why: str, now_s: float) -> list[Effect]:
+        """Have a seat forfeit its match, unless that is over."""
+
+    def void(self, match: str, why: str, now_s: float) -> list[Effect]:
+        """End a match by a fault that is no seat's; nothing is done if it does not run."""
+
+    def give_up_unready(self, now_s: float) -> list[Effect]:
+        """Void the match whose seats take longest to get ready, if that is too long: who never plays must not keep others out."""
+
+    def stop(self, now_s: float) -> list[Effect]:
+        """Sign the journals of matches that are over, and leave the others as they stand."""
+
+
+MakeSessions = Callable[[Callable[[MatchOver], list[Effect]], Callable[[MatchClosed], list[Effect]]], Sessions]
+"""From what is to be done once a match is over, and once its journal is closed."""
 
 
 class Matches:
     """The matches of a pit, and who sits where."""
 
     def __init__(
-        self, context: PitContext, ruleset: Ruleset, time_control: TimeControl, seating: Seating, register: Register
+        self, context: PitContext, ruleset: Ruleset, seating: Seating, register: Register, make_sessions: MakeSessions
     ) -> None:
-        self._context, self._ruleset, self._time_control = context, ruleset, time_control
+        self._context, self._ruleset = context, ruleset
         self._seating, self._register = seating, register
-        self._lanes = Lanes(first=_LANES_APART * new_secret()[0])
-        self._by_lane: dict[int, MatchSession] = {}
-        """Those that run, and those that wait for their receipts."""
-        self._former_openers: dict[int, dict[Team, tuple[Opener, ...]]] = {}
-        """By lane, of the match that was there last: a process that slept may say something yet."""
-        self._running: dict[str, MatchSession] = {}
-        self._closing: dict[str, _Closing] = {}
+        self._sessions = make_sessions(self._on_over, self._on_closed)
         self._seats = SeatBook()
         self._endings: OrderedDict[str, Signed] = OrderedDict()
         """Of matches that are over, the last ones: for a client that was away when the ending was sent."""
         self._archive = Archive(self._is_fixture_over)
         self.n_begun = 0
 
+        self.receive, self.advance = self._sessions.receive, self._sessions.advance
+        self.forfeit, self.void = self._sessions.forfeit, self._sessions.void
+        self.give_up_unready, self.stop = self._sessions.give_up_unready, self._sessions.stop
+        self.ask_for_journal = self._archive.answer
+
     @property
-    def running(self) -> Collection[MatchSession]:
+    def running(self) -> Collection[RunningMatch]:
         """Those that are not over, in the order of their beginning."""
-        return self._running.values()
+        return self._sessions.running
 
     @property
     def journal_replies(self) -> RationedQueue[ReplyWithJournal]:
@@ -77,82 +124,26 @@ class Matches:
     @property
     def has_closing(self) -> bool:
         """Whether a match waits for its receipts."""
-        return bool(self._closing)
+        return self._sessions.has_closing
 
     def begin(self, pairing: Pairing, now_s: float) -> tuple[str, list[Effect]]:
         """Begin a match, whose seats are held from now on; return what it is called on the network."""
         plan = pairing.plan
         header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
         entries = {team: slot.entry for team, slot in pairing.slots.items()}
-        session = self._add(Match(header, self._time_control, now_s), entries, secrets.token_bytes(NONCE_BYTES), now_s)
+        nonce, lane = secrets.token_bytes(NONCE_BYTES), self._sessions.take_lane(now_s)
+        match = network_name(header.identity, self._context.identity.public, nonce)
+        effects = self._sessions.begin(NewMatch(header=header, entries=entries, nonce=nonce, lane=lane), now_s)
         for team, slot in pairing.slots.items():
-            self._seats.take(Seat(session.id, team), slot)
+            self._seats.take(Seat(match, team), slot)
         self.n_begun += 1
-        facts = {"event": "match begins", "match": session.id, "identity": plan.identity, "blue": plan.blue, "red": plan.red}
+        facts = {"event": "match begins", "match": match, "identity": plan.identity, "blue": plan.blue, "red": plan.red}
         logger.info("match %s begins: blue %s, red %s", header.identity, header.blue, header.red, extra={"facts": facts})
-        return session.id, session.open()
+        return match, effects
 
     def resume(self, found: UnfinishedFound, now_s: float) -> list[Effect]:
         """Take up an unfinished match at its very tick; nothing is done if its journal does not hold."""
-        match = Match(found.journal.header, self._time_control, now_s)
-        try:
-            match_effects = match.recover(found.journal)
-        except JournalError as error:
-            logger.warning("%s cannot be resumed: %s", found.name, error)
-            return []
-        session = self._add(match, found.entries, found.nonce, now_s)
-        facts = {"event": "match resumed", "match": session.id, "identity": match.header.identity, "tick": match.tick}
-        logger.info("resumed %s at tick %d", match.header.identity, match.tick, extra={"facts": facts})
-        opened = OpenMatch(session.id, found.name, found.n_bytes, session.lane)
-        return [opened, *self._settle(session, session.carry(match_effects), now_s)]
-
-    def receive(self, event: ActionReceived, now_s: float) -> list[Effect]:
-        """Take a message on a seat's key."""
-        lane, team, payload, arrived_s = event
-        session = self._by_lane.get(lane)
-        if session is None:
-            return []
-        if session.ending is None:
-            return self._settle(session, session.receive(team, payload, now_s, arrived_s), now_s)
-        effects = session.receive_receipt(team, payload)
-        return effects + self._close(session.id, now_s) if session.has_receipts else effects
-
-    def advance(self, now_s: float) -> list[Effect]:
-        """Let time pass."""
-        effects: list[Effect] = []
-        for session in list(self._running.values()):
-            effects += self._settle(session, session.advance(now_s), now_s)
-        for match in [match for match, closing in self._closing.items() if now_s >= closing.until_s]:
-            effects += self._close(match, now_s)
-        return effects
-
-    def forfeit(self, seat: Seat, why: str, now_s: float) -> list[Effect]:
-        """Have a seat forfeit its match, unless that is over."""
-        session = self._running.get(seat.match)
-        return [] if session is None else self._settle(session, session.carry(session.match.forfeit(seat.team, why)), now_s)
-
-    def void(self, match: str, why: str, now_s: float) -> list[Effect]:
-        """End a match by a fault that is no seat's; nothing is done if it does not run."""
-        session = self._running.get(match)
-        return [] if session is None else self._settle(session, session.carry(session.match.void(why)), now_s)
-
-    def give_up_unready(self, now_s: float) -> list[Effect]:
-        """Void the match whose seats take longest to get ready, if that is too long: who never plays must not keep others out."""
-        session = max(self._running.values(), key=lambda session: session.match.unready_s(now_s), default=None)
-        if session is None or session.match.unready_s(now_s) < PATIENCE_S:
-            return []
-        return self.void(session.id, "was not ready while others waited for room", now_s)
-
-    def ask_for_journal(self, asked: JournalAsked) -> list[Effect]:
-        """Answer a request for a piece of a journal, now or once the journal is whole."""
-        return self._archive.answer(asked)
-
-    def stop(self, now_s: float) -> list[Effect]:
-        """Sign the journals of matches that are over, and leave the others as they stand."""
-        effects = [effect for match in list(self._closing) for effect in self._close(match, now_s)]
-        effects += [CloseMatch(match) for match in self._running]
-        self._running.clear()
-        return effects
+        return self._sessions.resume(found, self._sessions.take_lane(now_s), now_s)
 
     # Seats
 
@@ -166,87 +157,61 @@ class Matches:
         held = self._seats.find(slot)
         return held or max(self._find_vacant(request), key=lambda seat: self._seats.was_held_by(seat, slot), default=None)
 
-    def issue_ticket(self, seat: Seat, slot: SlotId, caller: Caller) -> Ticket:
+    def issue_ticket(self, seat: Seat, slot: SlotId, pending: PendingRequest, now_s: float) -> list[Effect]:
         """Give a seat of a running match to who asks for it, under new keys."""
         self._seats.take(seat, slot)
-        return self._running[seat.match].issue_ticket(seat.team, caller)
+        return self._sessions.issue_ticket(seat, pending, now_s)
 
     def seats_of(self, entry: bytes | None, name: str) -> list[Seat]:
         """Return the seats of running matches that belong to a public key, or to a name."""
         return [
-            Seat(session.id, team)
-            for session in self._running.values()
-            for team, seat in session.seats.items()
-            if seat.name == name or seat.entry == entry
+            Seat(one.id, team) for one in self.running for team in Team if one.names[team] == name or one.entries[team] == entry
         ]
 
     def entry_of(self, name: str) -> bytes | None:
         """Return the public key that plays under a name, if any."""
-        seats = (seat for session in self._running.values() for seat in session.seats.values())
-        return next((seat.entry for seat in seats if seat.name == name), None)
+        return next((one.entries[team] for one in self.running for team in Team if one.names[team] == name), None)
 
     def lose(self, client: str, now_s: float) -> list[Effect]:
         """Note that a client process is gone; its seats are vacant."""
-        effects: list[Effect] = []
-        for match, team in self._seats.leave_all(client):
-            session = self._running[match]
-            effects += self._settle(session, session.carry(session.match.leave(team, now_s)), now_s)
-        return effects
+        return [effect for seat in self._seats.leave_all(client) for effect in self._sessions.leave(seat, now_s)]
 
     def find_ending(self, match: str) -> Signed | None:
         """Return how a match ended, if it was one of the last."""
         return self._endings.get(match)
 
     def _find_vacant(self, request: JoinRequest) -> Iterable[Seat]:
+        if self._seats.n_held == len(Team) * len(self.running):
+            return ()
         return (
             seat
-            for session in self._running.values()
-            for team, one in session.seats.items()
-            if one.entry == request.entry
-            and one.name == request.name
+            for one in self.running
+            for team in Team
+            if one.entries[team] == request.entry
+            and one.names[team] == request.name
             and request.team in ("any", team.name.lower())
-            and not self._seats.is_held(seat := Seat(session.id, team))
+            and not self._seats.is_held(seat := Seat(one.id, team))
         )
 
     # Endings
 
-    def _settle(self, session: MatchSession, effects: list[Effect], now_s: float) -> list[Effect]:
-        """Return the effects, and those of the match's ending if that has come."""
-        if session.ending is None:
-            return effects
-        match, result = session.match, session.match.result
-        assert result is not None
-        self._endings[session.id] = session.ending
+    def _on_over(self, over: MatchOver) -> list[Effect]:
+        """Note how a match ended; whoever played it to its end has a claim to its name."""
+        header, result = over.ended.header, over.ended.result
+        self._endings[over.match] = over.ending
         if len(self._endings) > MOST_KEPT:
             self._endings.popitem(last=False)
-        if match.tick and result.ending is not Termination.VOID:
-            for seat in session.seats.values():
-                self._register.claim(seat.name, seat.entry)
-        del self._running[session.id]
-        self._seats.forget(session.id)
-        self._closing[session.id] = _Closing(session, now_s + RECEIPTS_S)
-        self._archive.expect(session.id)
-        records = {team: match.record(team) for team in Team}
-        facts = {"event": "match ended", "match": session.id, "identity": match.header.identity, **result.to_dict()}
-        facts["faults"] = {team.name.lower(): record.faults() for team, record in records.items()}
-        ending = result.ending.name.lower()
-        logger.info("match %s: %s, winner %s", match.header.identity, ending, result.winner, extra={"facts": facts})
-        return [*effects, MatchEnded(header=match.header, result=result, seats=records, entries=session.entries)]
+        if result.ticks and result.ending is not Termination.VOID:
+            for team, name in zip(Team, (header.blue, header.red), strict=True):
+                self._register.claim(name, over.ended.entries[team])
+        self._seats.forget(over.match)
+        self._archive.expect(over.match)
+        return [over.ended]
 
-    def _add(self, match: Match, entries: dict[Team, bytes], nonce: bytes, now_s: float) -> MatchSession:
-        lane = self._lanes.take(now_s)
-        session = MatchSession(self._context, match, entries, nonce, lane, self._former_openers.pop(lane, {}))
-        self._running[session.id] = self._by_lane[session.lane] = session
-        return session
-
-    def _close(self, match: str, now_s: float) -> list[Effect]:
-        """Close the journal of a match that is over; it may be seen once its whole fixture is."""
-        session = self._closing.pop(match).session
-        del self._by_lane[session.lane]
-        self._former_openers[session.lane] = session.openers
-        self._lanes.give_back(session.lane, now_s)
-        return [*session.close(), *self._archive.add(match, session.match.header if session.has_journal else None)]
+    def _on_closed(self, closed: MatchClosed) -> list[Effect]:
+        """Give out the journal of a match; it may be seen once its whole fixture is over."""
+        return self._archive.add(closed.match, closed.header)
 
     def _is_fixture_over(self, names: set[str]) -> bool:
-        is_running = any(set(session.names) == names for session in self._running.values())
+        is_running = any(set(one.names) == names for one in self.running)
         return not is_running and not self._seating.is_planned(names)

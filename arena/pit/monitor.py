@@ -7,7 +7,6 @@ from collections import Counter
 from threading import Event
 
 from arena.errors import ArenaError
-from arena.game.types import Team
 from arena.metrics.definitions import (
     FAULTS,
     MATCHES_ENDED,
@@ -20,6 +19,12 @@ from arena.metrics.definitions import (
     TICKS,
     TURN_BOUNDS_S,
     TURN_SECONDS,
+    WORKER_FILES,
+    WORKER_MATCHES,
+    WORKER_PROCESSOR_SECONDS,
+    WORKER_RESIDENT_BYTES,
+    WORKER_RESTARTS,
+    WORKER_UP,
     Histogram,
     Reading,
 )
@@ -43,6 +48,8 @@ class PitMonitor:
         self._is_asked = False
         self._answered = Event()
         self._readings: list[Reading] = []
+        self._missing = ""
+        """Which worker is being replaced, in a sentence."""
 
     def read(self) -> list[Reading]:
         """Ask the referee, and return what it answers; `ArenaError` if it does not."""
@@ -51,6 +58,12 @@ class PitMonitor:
         if not self._answered.wait(self._patience_s):
             raise ArenaError(f"the referee did not answer for {self._patience_s:g} s: it is not open yet, or it hangs")
         return self._readings
+
+    def check_health(self) -> None:
+        """Raise `ArenaError` if the referee does not answer, or lacks one of its workers."""
+        self.read()
+        if self._missing:
+            raise ArenaError(self._missing)
 
     def count(self, ended: MatchEnded) -> None:
         """Count a match that ended."""
@@ -69,11 +82,10 @@ class PitMonitor:
         self._answered.set()
 
     def _take(self, referee: Referee, ladder: Ladder | None) -> list[Reading]:
-        running = referee.matches
+        running = referee.running
         faults = Counter(self._faults)
         for match in running:
-            for team in Team:
-                faults.update(match.record(team).faults())
+            faults.update(match.faults())
         backlog = ladder.backlog() if isinstance(ladder, LaggingLadder) else Backlog(0, 0.0)
         return [
             Reading(MATCHES_RUNNING, len(running)),
@@ -86,4 +98,25 @@ class PitMonitor:
             Reading(MESSAGES_DROPPED, referee.n_dropped),
             Reading(STORE_ROWS_WAITING, backlog.n_rows),
             Reading(STORE_LAG_SECONDS, backlog.lag_s),
+            *self._take_workers(referee),
+        ]
+
+    def _take_workers(self, referee: Referee) -> list[Reading]:
+        """Return what there is to tell of workers: nothing where this process referees by itself."""
+        workers = {str(worker.number): worker for worker in referee.workers}
+        n_matches = {name: one.n_running for name, one in workers.items()}
+        self._missing = "; ".join(
+            f"worker {name} is being replaced; {n_matches[name]} matches wait for it"
+            for name, one in workers.items()
+            if not one.is_ready
+        )
+        if not workers:
+            return []
+        return [
+            Reading(WORKER_UP, {name: float(one.is_ready) for name, one in workers.items()}),
+            Reading(WORKER_RESTARTS, {name: one.n_restarts for name, one in workers.items()}),
+            Reading(WORKER_MATCHES, {name: n_matches[name] for name in workers}),
+            Reading(WORKER_PROCESSOR_SECONDS, {name: one.load.processor_s for name, one in workers.items()}),
+            Reading(WORKER_RESIDENT_BYTES, {name: one.load.resident_bytes for name, one in workers.items()}),
+            Reading(WORKER_FILES, {name: one.load.n_files for name, one in workers.items()}),
         ]

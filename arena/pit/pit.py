@@ -6,6 +6,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from filelock import FileLock, Timeout
 
@@ -16,7 +17,7 @@ from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.match.time_control import TimeControl
-from arena.network.access import Certificate
+from arena.network.access import WORKERS_PROTOCOL, Certificate
 from arena.network.address import Address
 from arena.network.session import open_router
 from arena.pit.effects import MatchEnded
@@ -55,6 +56,10 @@ class PitSettings:
     n_matches: int | None = None
     fsync: bool = False
     certificate: Certificate | None = None
+    most_matches: int | None = None
+    """At once; see `arena.pit.admission`."""
+    n_workers: int = 1
+    """Processes that referee the matches: this one alone, or so many others."""
     ladder: Ladder | None = None
     """None seats whoever comes, and rates nobody."""
     monitor: PitMonitor | None = None
@@ -89,7 +94,10 @@ class Pit:
         warm(settings.ruleset)  # before anybody can ask: a client that gets no answer goes away
         with (
             _alone_in(settings.journals),
-            open_router(settings.address.endpoint, settings.address.pit, settings.certificate) as session,
+            _workers_endpoint(settings.n_workers) as workers_endpoint,
+            open_router(
+                settings.address.endpoint, settings.address.pit, settings.certificate, workers_endpoint=workers_endpoint
+            ) as session,
         ):
             counted = self._catch_up()
             self._numbers = count(
@@ -110,6 +118,9 @@ class Pit:
                 settings.journals,
                 register=settings.register,
                 fsync=settings.fsync,
+                most_matches=settings.most_matches,
+                n_workers=settings.n_workers,
+                workers_endpoint=workers_endpoint,
                 on_end=lambda ended: self._report(ended, on_end),
             )
             self._referee = referee
@@ -178,6 +189,16 @@ def _next_number(journals: Path, pit: str, counted: Collection[str], *, is_rated
             if (match.pit, match.is_rated) == (pit, is_rated):
                 first = max(first, match.number + 1)
     return first
+
+
+@contextmanager
+def _workers_endpoint(n_workers: int) -> Iterator[str]:
+    """Yield where workers connect to the router, in a folder that nobody else can enter; nothing where there are none."""
+    if n_workers == 1:
+        yield ""
+    else:
+        with TemporaryDirectory(prefix="arena-", ignore_cleanup_errors=True) as folder:
+            yield f"{WORKERS_PROTOCOL}/{folder}/workers"
 
 
 @contextmanager

@@ -1,40 +1,28 @@
-"""A pit on the network: the one thread that hands events to the core and carries its effects out.
-
-Zenoh's callbacks put into bounded queues and do nothing else.
-"""
+"""A pit on the network: what its core is told of, beside the matches, and what of its effects is carried out here."""
 
 import time
 from collections.abc import Callable, Collection
+from contextlib import suppress
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from queue import SimpleQueue
-from typing import Any
+from queue import Empty
 
-from arena.errors import UnreadableError
-from arena.folders import data_folder
 from arena.game.ruleset import Ruleset
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.network.links import Kept
-from arena.network.session import Put, Query, Sample, Session, read_key, read_payload
-from arena.pit.channels import MatchChannels, open_lane
+from arena.network.session import Query, Session
 from arena.pit.core import PitCore
 from arena.pit.effects import (
-    Append,
-    CloseMatch,
     Drop,
-    Effect,
     MatchEnded,
-    OpenMatch,
-    PublishEnding,
-    PublishTick,
     Reply,
     ReplyWithJournal,
     SaveRegister,
-    Send,
+    TellWorker,
 )
 from arena.pit.events import (
-    ActionReceived,
     Event,
     JoinAsked,
     JournalAsked,
@@ -44,29 +32,34 @@ from arena.pit.events import (
     QuestionId,
     RequestOpened,
     RequestTurn,
-    Stopped,
     TimePassed,
 )
-from arena.pit.journal_files import JournalFile, SpareJournals, find_unfinished, read_piece
+from arena.pit.journal_files import find_unfinished, read_piece
+from arena.pit.match_loop import MOST_WAITING, SWEEP_S, MatchLoop
 from arena.pit.match_session import PitContext
+from arena.pit.matches import RunningMatch
 from arena.pit.register import Register
 from arena.pit.seating import Seating
+from arena.pit.workers.messages import Order, WorkerSettings
+from arena.pit.workers.processes import STOP_S, WorkerProcesses
+from arena.pit.workers.remote_sessions import Worker
 from arena.protocol import topics
 
-MOST_WAITING = 10_000
-"""Messages in a queue; what comes beyond is dropped, and asked for again."""
-_MOST_JUNK = 256  # messages beyond two of each match that are handed in before something else is done
-_SWEEP_S = 0.01
-_IN_MATCH: dict[type[Effect], Callable[[MatchChannels, Any], None]] = {
-    Append: MatchChannels.append,
-    Send: MatchChannels.send,
-    PublishTick: MatchChannels.publish_tick,
-    PublishEnding: MatchChannels.publish_ending,
-}
+_LOOK_S = 0.05
 
 
-class Referee:
-    """All matches of a pit on the network."""
+class Referee(MatchLoop):
+    """All matches of a pit on the network.
+
+    Parameters
+    ----------
+    most_matches
+        At once; as many as `arena.pit.admission` has it without it.
+    n_workers
+        How many other processes referee the matches, if more than one; then this one only admits those who play.
+    workers_endpoint
+        Where these connect to the router of `session`.
+    """
 
     def __init__(
         self,
@@ -79,106 +72,105 @@ class Referee:
         *,
         register: Register | None = None,
         fsync: bool = False,
+        most_matches: int | None = None,
+        n_workers: int = 1,
+        workers_endpoint: str = "",
         on_end: Callable[[MatchEnded], None],
     ) -> None:
-        self._session, self._pit, self._journals, self._fsync = session, context.pit, journals, fsync
         self._register = register or Register()
-        self._is_delayed_public = context.public_delay > 0
-        self._core = PitCore(context, ruleset, seating, time_control, self._register)
-        self._inbox: SimpleQueue[Callable[[], Event]] = SimpleQueue()
         self._questions: dict[QuestionId, Query] = {}
         self._question_ids = count()
-        self._channels: dict[str, MatchChannels] = {}
-        self._lanes: dict[int, list[Put]] = {}
-        self._is_stopping, self._has_failed = False, False
         self.n_dropped = 0
-        self._empty_at_s = 0.0
-        """When no action waited."""
-        self._left_at_s = 0.0
-        """When this thread last left the actions for something else."""
-        self._carry_out: dict[type[Effect], Callable[[Any], None]] = {
-            OpenMatch: self._open_match,
-            CloseMatch: lambda effect: self._channels.pop(effect.match).close(),
-            Reply: lambda effect: self._questions.pop(effect.question).answer(effect.payload),
-            Drop: lambda effect: self._questions.pop(effect.question).drop(),
-            ReplyWithJournal: self._reply_with_journal,
-            SaveRegister: lambda effect: self._register.save(),
-            MatchEnded: on_end,
-        }
-        data_folder(journals)
-        self._spare_journals = SpareJournals(journals, fsync=fsync)
-        self._refill_journals()
+        core = self._pit_core = PitCore(
+            context, ruleset, seating, time_control, self._register, n_workers=n_workers, most_matches=most_matches
+        )
+        heard = topics.all_actions(context.pit) if n_workers == 1 else topics.beat(context.pit)
+        super().__init__(
+            session,
+            context.pit,
+            core,
+            session.collect(heard, MOST_WAITING),
+            journals,
+            fsync=fsync,
+            is_delayed_public=context.public_delay > 0,
+            carry_out={
+                Reply: lambda effect: self._questions.pop(effect.question).answer(effect.payload),
+                Drop: lambda effect: self._questions.pop(effect.question).drop(),
+                ReplyWithJournal: self._reply_with_journal,
+                SaveRegister: lambda effect: self._register.save(),
+                MatchEnded: on_end,
+                TellWorker: lambda effect: self._tell_worker(effect.worker, effect.order),
+            },
+        )
+        self._workers: WorkerProcesses | None = None
+        if n_workers == 1:
+            self._refill_journals()
         pit = context.pit
         session.watch_presence(
             topics.all_presence(pit),
             lambda key, is_there: self._enqueue(lambda: PresenceChanged(topics.read_presence(key), is_there)),
         )
-        self._actions = session.collect(topics.all_actions(pit), MOST_WAITING)
-        self._end_heartbeat = session.heartbeat(topics.beat(pit), _SWEEP_S)
+        self._end_beats = [session.heartbeat(topics.beat(pit), SWEEP_S)]
         session.answer(topics.join(pit), self._enqueue_question(lambda id, asked: JoinAsked(id, asked.payload, asked.sender)))
         session.answer(topics.lobby(pit), self._enqueue_question(lambda id, asked: LobbyAsked(id)))
         session.answer(
             topics.all_journals(pit),
             self._enqueue_question(lambda id, asked: JournalAsked(id, topics.read_journal(asked.key), asked.payload)),
         )
-
-    @property
-    def n_running(self) -> int:
-        """Matches that are not over."""
-        return self._core.n_running
+        if n_workers > 1:
+            settings = WorkerSettings(
+                number=0,
+                endpoint=workers_endpoint,
+                pit=pit,
+                private=context.identity.private.private_bytes_raw(),
+                spectator_key=context.spectator_key,
+                public_delay=context.public_delay,
+                ruleset=ruleset,
+                time_control=time_control,
+                journals=journals,
+                fsync=fsync,
+            )
+            self._hire([replace(settings, number=worker.number) for worker in core.workers])
 
     @property
     def queues(self) -> dict[str, int]:
         """How many wait: what came over the network and was not taken up yet, and those of the core."""
-        return {"inbox": self._inbox.qsize(), **self._core.queues}
+        return {"inbox": self._inbox.qsize(), **self._pit_core.queues}
 
     @property
     def n_refused(self) -> int:
         """Requests that did not open, or were not signed by whom they name."""
-        return self._core.n_refused
+        return self._pit_core.n_refused
 
     @property
     def is_deserted(self) -> bool:
         """Whether no client is present, as far as they declare it, and no match waits for its receipts."""
-        return self._core.is_deserted
+        return self._pit_core.is_deserted
+
+    @property
+    def workers(self) -> list[Worker]:
+        """The workers that referee the matches; none where this process does."""
+        return self._pit_core.workers
+
+    @property
+    def running(self) -> Collection[RunningMatch]:
+        """The matches that are not over, in whatever process."""
+        return self._pit_core.running
 
     @property
     def matches(self) -> list[Match]:
-        """The matches that are not over, in the order of their beginning."""
-        return self._core.matches
-
-    def stop(self) -> None:
-        """Leave `run` as soon as its thread notices; from any thread, or a signal."""
-        self._is_stopping = True
-
-    def run(self, until: Callable[[], bool]) -> None:
-        """Referee until `until()`, asked every hundredth of a second, or until `stop`."""
-        next_sweep_s = 0.0
-        while not self._is_stopping:
-            if not self._take_actions(1):
-                sample = self._actions.wait()  # at the latest when the session's own beat comes
-                self._empty_at_s = time.monotonic()
-                self._take_action(sample, None)
-            now_s = time.monotonic()
-            if now_s >= next_sweep_s:
-                self._take_actions()
-                self._left_at_s = time.monotonic()
-                for _ in range(self._inbox.qsize()):
-                    self._hand_in(self._inbox.get()())
-                next_sweep_s = now_s + _SWEEP_S
-                self._refill_journals()
-                self._session.relieve(self._find_kept, now_s)
-                self._hand_in(TimePassed(now_s))
-                self._open_requests()
-                if until():
-                    return
+        """The matches of this process that are not over, in the order of their beginning."""
+        return self._pit_core.matches
 
     def close(self) -> None:
         """Leave every match as it stands: a later referee can resume it."""
-        self._end_heartbeat()
-        self._spare_journals.close()
-        if not self._has_failed:  # else the core takes for done what was not
-            self._hand_in(Stopped())
+        try:
+            super().close()
+            if self._workers is not None:
+                self._wait_for_workers(self._workers)
+        finally:
+            for end in self._end_beats:
+                end()
 
     def resume(self, identities: Collection[str] | None = None) -> list[str]:
         """Take up the unfinished matches that an earlier referee left, or those of them with an identity; return whose were."""
@@ -206,68 +198,59 @@ class Referee:
 
         return lambda question: self._enqueue(lambda: register(question))
 
-    def _hand_in(self, event: Event) -> list[Effect]:
-        """Hand an event to the core and carry out what it wants done."""
-        effects: list[Any] = self._core.receive(event, time.monotonic())
+    # Workers
+
+    def _hire(self, settings: list[WorkerSettings]) -> None:
+        """Start workers, and wait until they take matches."""
+        self._workers = WorkerProcesses(settings, self._inbox.put)
+        self._end_beats.append(self._session.beat((topics.beat_of_worker(self._pit, one.number) for one in settings), SWEEP_S))
         try:
-            effect: Any  # of one of two kinds, told by its type, which a dictionary knows and a type checker does not
-            for effect in effects:
-                in_match = _IN_MATCH.get(type(effect))
-                if in_match is not None:
-                    in_match(self._channels[effect.match], effect)
-                else:
-                    self._carry_out[type(effect)](effect)
+            self._workers.start()
+            while not all(worker.is_ready for worker in self._pit_core.workers):
+                self._workers.look()
+                with suppress(Empty):
+                    self._hand_in(self._inbox.get(timeout=_LOOK_S)())
         except BaseException:
-            self._has_failed = True
+            self._workers.close()
             raise
-        return effects
 
-    def _take_action(self, sample: Sample, arrived_s: float | None) -> None:
+    def _tell_worker(self, worker: int, order: Order) -> None:
+        assert self._workers is not None
+        self._workers.tell(worker, order)
+
+    def _wait_for_workers(self, workers: WorkerProcesses) -> None:
+        """Take up the last that workers say, and end those that do not leave."""
         try:
-            lane, team = topics.read_action(read_key(sample))
-        except UnreadableError:
-            return  # as of every beat
-        self._hand_in(ActionReceived(lane, team, read_payload(sample), arrived_s))
+            end_s = time.monotonic() + STOP_S
+            while not self._has_failed and time.monotonic() < end_s and not (workers.has_ended and self._inbox.empty()):
+                with suppress(Empty):
+                    self._hand_in(self._inbox.get(timeout=_LOOK_S)())
+        finally:
+            workers.close()
 
-    def _take_actions(self, most: int | None = None) -> bool:
-        """Hand in the actions that have come, and return whether any had.
-
-        Not the answers to what follows, or it would never end where all are quick. They came while this thread did something
-        else, which no seat is charged for: their clocks stop when the queue was seen empty last, or when this thread left it.
-        """
-        for number in range(most or 2 * self._core.n_running + _MOST_JUNK):
-            sample = self._actions.take()
-            if sample is None:
-                self._empty_at_s = time.monotonic()
-                return number > 0
-            self._take_action(sample, max(self._empty_at_s, self._left_at_s))
-        return True
+    def _sweep(self, now_s: float) -> None:
+        if self._workers is None:
+            self._refill_journals()
+        else:
+            self._workers.look()
+        self._session.relieve(self._find_kept, now_s)
+        self._hand_in(TimePassed(now_s))
+        self._open_requests()
 
     def _open_requests(self) -> None:
-        while self._core.may_open_request:
+        while self._pit_core.may_open_request:
             self._take_actions()  # a turn waits for one request at most
             self._left_at_s = time.monotonic()
-            self._refill_journals()
+            if self._workers is None:
+                self._refill_journals()
             begun_s = time.monotonic()
             self._hand_in(RequestTurn())
             self._hand_in(RequestOpened(time.monotonic() - begun_s))
 
     def _find_kept(self) -> Kept:
-        return Kept(*self._core.find_sessions(time.monotonic()))
+        return Kept(*self._pit_core.find_sessions(time.monotonic()))
 
     # Effects
-
-    def _open_match(self, effect: OpenMatch) -> None:
-        if effect.n_bytes:
-            journal = JournalFile(self._journals / effect.journal, effect.n_bytes, fsync=self._fsync)
-        else:
-            journal = self._spare_journals.take(effect.journal)
-        puts = self._lanes.get(effect.lane)
-        if puts is None:
-            puts = self._lanes[effect.lane] = open_lane(self._session, self._pit, effect.lane)
-        self._channels[effect.match] = MatchChannels(
-            self._session, self._pit, journal, effect.match, puts, self._is_delayed_public
-        )
 
     def _refill_journals(self) -> None:
         """Tell the core how many matches can begin, whenever that changes by more than the matches that began."""

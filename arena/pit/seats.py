@@ -1,6 +1,5 @@
 """Who holds which seat of the matches that run: the only place that knows."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -39,33 +38,43 @@ class SeatBook:
 
     def __init__(self) -> None:
         self._holdings: dict[Seat, _Holding] = {}
+        self._held: dict[SlotId, Seat] = {}
+        """Of those who are present."""
+
+    @property
+    def n_held(self) -> int:
+        """Seats that have a holder."""
+        return len(self._held)
 
     @property
     def holders(self) -> set[Client]:
         """The clients that hold a seat."""
-        return {holding.slot[:2] for _, holding in self._present()}
+        return {slot[:2] for slot in self._held}
 
     def take(self, seat: Seat, slot: SlotId) -> None:
         """Give a seat to a slot, which leaves the one that it held; whoever held this one holds it no more."""
         self.leave(slot)
-        self._holdings[seat] = _Holding(slot)
+        before = self._holdings.get(seat)
+        if before is not None and before.is_present:
+            del self._held[before.slot]
+        self._holdings[seat], self._held[slot] = _Holding(slot), seat
 
     def find(self, slot: SlotId) -> Seat | None:
         """Return the seat that a slot holds."""
-        return next((seat for seat, holding in self._present() if holding.slot == slot), None)
+        return self._held.get(slot)
 
     def leave(self, slot: SlotId) -> None:
         """Free the seat that a slot holds, if any."""
-        seat = self.find(slot)
+        seat = self._held.pop(slot, None)
         if seat is not None:
             self._holdings[seat].is_present = False
 
     def leave_all(self, client: str) -> list[Seat]:
         """Free the seats that a client process holds, and return them."""
-        left = [(seat, holding) for seat, holding in self._present() if holding.slot.client == client]
-        for _, holding in left:
-            holding.is_present = False
-        return [seat for seat, _ in left]
+        left = {slot: seat for slot, seat in self._held.items() if slot.client == client}
+        for slot in left:
+            self.leave(slot)
+        return list(left.values())
 
     def is_held(self, seat: Seat) -> bool:
         """Whether a seat has a holder."""
@@ -80,7 +89,6 @@ class SeatBook:
     def forget(self, match: str) -> None:
         """Forget the seats of a match that is over."""
         for team in Team:
-            self._holdings.pop(Seat(match, team), None)
-
-    def _present(self) -> Iterator[tuple[Seat, _Holding]]:
-        return ((seat, holding) for seat, holding in self._holdings.items() if holding.is_present)
+            holding = self._holdings.pop(Seat(match, team), None)
+            if holding is not None and holding.is_present:
+                del self._held[holding.slot]

@@ -1,8 +1,10 @@
 """Messages to bytes and back: msgpack, an array of the version, the kind and the fields. Nothing else makes bytes messages."""
 
+from collections.abc import Callable
 from dataclasses import fields
 from functools import cache
-from typing import Any, get_args, get_origin, get_type_hints
+from operator import attrgetter
+from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import msgpack
 
@@ -13,18 +15,19 @@ MOST_BYTES = 60_000
 """No message is longer; what is longer is sent in pieces."""
 _KINDS: tuple[type, ...] = get_args(Message)
 _pack = msgpack.Packer().pack
-_NUMBERS = {kind: number for number, kind in enumerate(_KINDS)}
+_NUMBERS: dict[type, int] = {kind: number for number, kind in enumerate(_KINDS)}
 
 
 def encode(message: Message, version: int | None = None) -> bytes:
     """Return the bytes of a message; without `version`, of this version of the protocol."""
     kind: type = type(message)
-    values = [getattr(message, name) for name, _ in _shape(kind)]
-    for default in _defaults(kind):
+    shape = _shape(kind)
+    values = [PROTOCOL_VERSION if version is None else version, _NUMBERS[kind], *shape.read(message)]
+    for default in shape.defaults:
         if values[-1] != default:
             break
         values.pop()
-    return bytes(_pack([PROTOCOL_VERSION if version is None else version, _NUMBERS[kind], *values]))
+    return bytes(_pack(values))
 
 
 def decode(data: bytes, version: int | None = None) -> Message:
@@ -50,25 +53,39 @@ def decode(data: bytes, version: int | None = None) -> Message:
         raise UnreadableError(f"there is no message of kind {number}")
     kind = _KINDS[number]
     shape = _shape(kind)
-    if not len(shape) - len(_defaults(kind)) <= len(rest) <= len(shape):
-        raise UnreadableError(f"{kind.__name__} has {len(shape)} fields, not {len(rest)}")
-    for value, (name, hint) in zip(rest, shape, strict=False):
-        if type(value) is not hint and not _fits(value, hint):
-            raise UnreadableError(f"{kind.__name__}.{name} is of another type than it should be")
-    message: Message = kind(**{name: value for value, (name, _) in zip(rest, shape, strict=False)})
+    if tuple(map(type, rest)) != shape.hints:  # those of every turn have nothing but plain types
+        _check(kind, shape, rest)
+    message: Message = kind(**dict(zip(shape.names, rest, strict=False)))
     return message
 
 
-@cache
-def _shape(kind: Any) -> tuple[tuple[str, Any], ...]:
-    hints = get_type_hints(kind)
-    return tuple((item.name, hints[item.name]) for item in fields(kind))
+class _Shape(NamedTuple):
+    """The fields of a kind of message, in their order."""
+
+    names: tuple[str, ...]
+    hints: tuple[Any, ...]
+    defaults: tuple[Any, ...]
+    """Of the fields that came later, the last first: those at their defaults are left out."""
+    read: Callable[[Any], tuple[Any, ...]]
+    """Returns the values of a message."""
 
 
 @cache
-def _defaults(kind: Any) -> tuple[Any, ...]:
-    """Return the defaults of the fields that came later, the last first: those at their defaults are left out."""
-    return tuple(item.default for item in reversed(fields(kind)) if item.metadata == LATER)
+def _shape(kind: Any) -> _Shape:
+    known, hints = fields(kind), get_type_hints(kind)
+    names = tuple(item.name for item in known)
+    defaults = tuple(item.default for item in reversed(known) if item.metadata == LATER)
+    read = attrgetter(*names) if len(names) > 1 else lambda message: tuple(getattr(message, name) for name in names)
+    return _Shape(names, tuple(hints[name] for name in names), defaults, read)
+
+
+def _check(kind: type, shape: _Shape, values: list[Any]) -> None:
+    """Refuse values that are not those of a kind's fields."""
+    if not len(shape.names) - len(shape.defaults) <= len(values) <= len(shape.names):
+        raise UnreadableError(f"{kind.__name__} has {len(shape.names)} fields, not {len(values)}")
+    for value, name, hint in zip(values, shape.names, shape.hints, strict=False):
+        if type(value) is not hint and not _fits(value, hint):
+            raise UnreadableError(f"{kind.__name__}.{name} is of another type than it should be")
 
 
 def _fits(value: Any, hint: Any) -> bool:

@@ -26,7 +26,6 @@ _HEAD = struct.Struct(">QI")
 _PREFIX = bytes(4)
 """Of each nonce, before the counter."""
 _TAG_BYTES = 16
-_NO_COUNT = -1
 
 
 class Direction(Enum):
@@ -81,7 +80,7 @@ class Opener:
 
     def __init__(self, key: bytes, context: bytes) -> None:
         self._cipher, self._context = ChaCha20Poly1305(key), context
-        self._last, self._last_bytes = _NO_COUNT, b""
+        self._last, self._last_bytes = b"", b""
 
     def open(self, data: bytes) -> bytes:
         """Return the message; the last one may come again, as it was.
@@ -93,9 +92,9 @@ class Opener:
         ReplayedError
             It is genuine, and of a counter that was passed.
         """
-        count = int.from_bytes(data[:8], "big")
         padded = self._decrypt(data)
-        if count < self._last or (count == self._last and data != self._last_bytes):
+        count = data[:8]  # big-endian: bytes of one length are in the order of what they count
+        if count <= self._last and (count != self._last or data != self._last_bytes):
             raise ReplayedError("a message comes a second time, or late")
         self._last, self._last_bytes = count, data
         return unpad(padded)

@@ -1,6 +1,7 @@
 """The Zenoh keys of a pit. A chunk is letters, digits, - and _, so that no name can reach into another's key."""
 
 import re
+from functools import lru_cache
 
 from arena.errors import InputError, UnreadableError
 from arena.game.types import Team
@@ -8,6 +9,9 @@ from arena.game.types import Team
 _CHUNK = re.compile(r"[A-Za-z0-9_-]{1,64}")
 _LABEL = re.compile(r"[A-Za-z0-9_-]{1,64}(\.[1-9][0-9]{0,5})?")
 _LANE = re.compile(r"[0-9]{1,6}")
+LANES_OF_WORKER = 10_000
+MOST_WORKERS = 64
+"""So that the number of each lane has six digits."""
 _TEAMS = {team.name.lower(): team for team in Team}
 
 
@@ -72,11 +76,28 @@ def all_actions(pit: str) -> str:
     return f"arena/{pit}/lane/*/*/action"
 
 
+def lanes_of_worker(worker: int) -> range:
+    """Return the lanes of a worker, from 1 on: of those of a pit with workers, the first two digits say whose each is."""
+    first = 100_000 + LANES_OF_WORKER * (worker - 1)
+    return range(first, first + LANES_OF_WORKER)
+
+
+def actions_of_worker(pit: str, worker: int) -> str:
+    """Return the expression of the action keys of a worker's lanes, and of its beat."""
+    return f"arena/{pit}/lane/{lanes_of_worker(worker).start // LANES_OF_WORKER}$*/*/action"
+
+
+def beat_of_worker(pit: str, worker: int) -> str:
+    """Return the key on which a pit wakes a worker."""
+    return f"arena/{pit}/lane/{lanes_of_worker(worker).start // LANES_OF_WORKER}beat/blue/action"
+
+
 def beat(pit: str) -> str:
     """Return the key on which a referee wakes itself: an action of no lane, heard with all the others."""
     return f"arena/{pit}/lane/beat/blue/action"
 
 
+@lru_cache(maxsize=1_024)
 def read_action(key: str) -> tuple[int, Team]:
     """Return the lane and the team of an action key."""
     parts = key.split("/")

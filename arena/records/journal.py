@@ -18,9 +18,10 @@ Integers are little-endian. Each link of the chain is the SHA-256 of the link be
 
 import errno
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntFlag
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from urllib.parse import quote, unquote
 
 import msgpack
 
-from arena.errors import InputError, JournalError
+from arena.errors import JournalError
 from arena.files import keep_former
 from arena.game.keys import KEY_BYTES, MatchKeys
 from arena.game.ruleset import Ruleset, rules_values
@@ -40,7 +41,6 @@ from arena.records.framing import (
     CutShortError,
     FrameReader,
     link,
-    load,
     pack_ending,
     pack_frame,
     read_ending,
@@ -51,10 +51,17 @@ from arena.records.plan import network_name
 MAGIC = b"ARENA-JOURNAL-1\n"
 CHAIN_BYTES = 32
 _KIND = "journal"
-_SUFFIX = ".journal"
+_MAP_OF_7 = b"\x87"
+"""The byte that a map of so many begins with in msgpack; smaller ones begin with one byte, too."""
+SUFFIX = ".journal"
 _SEATS_BYTES = 3 * PUBLIC_BYTES + SIGNATURE_BYTES
 NONCE_BYTES = 16
 _SEAL_BYTES = {b"K": _SEATS_BYTES, b"N": NONCE_BYTES, b"R": 1 + 4 + CHAIN_BYTES + SIGNATURE_BYTES, b"S": SIGNATURE_BYTES}
+
+
+@lru_cache(maxsize=64)
+def _pack_rules(ruleset: Ruleset) -> bytes:
+    return bytes(msgpack.packb({"ruleset": rules_values(ruleset)}))
 
 
 class Mark(IntFlag):
@@ -77,17 +84,11 @@ class Header:
     keys: MatchKeys
 
     def pack(self) -> bytes:
-        """Return the header's bytes."""
-        values = {
-            "rules_version": RULES_VERSION,
-            "identity": self.identity,
-            "blue": self.blue,
-            "red": self.red,
-            "ruleset": rules_values(self.ruleset),
-            "map_key": self.keys.map_key,
-            "match_key": self.keys.match_key,
-        }
-        return bytes(msgpack.packb(values))
+        """Return the header's bytes: one map, whose rules are packed once for all matches."""
+        names = {"rules_version": RULES_VERSION, "identity": self.identity, "blue": self.blue, "red": self.red}
+        keys = {"map_key": self.keys.map_key, "match_key": self.keys.match_key}
+        parts = msgpack.packb(names), _pack_rules(self.ruleset), msgpack.packb(keys)
+        return _MAP_OF_7 + b"".join(part[1:] for part in parts)
 
     @classmethod
     def unpack(cls, data: bytes) -> "Header":
@@ -304,18 +305,18 @@ def whole_part(data: bytes) -> bytes:
 
 def journal_name(identity: str) -> str:
     """Return the file name of a match's journal; no two identities share one."""
-    return quote(identity, safe="/").replace("/", "+") + _SUFFIX
+    return quote(identity, safe="/").replace("/", "+") + SUFFIX
 
 
 def identity_of(name: str) -> str:
     """Return the identity of the match whose journal has this file name."""
-    return unquote(name.removesuffix(_SUFFIX).replace("+", "/"))
+    return unquote(name.removesuffix(SUFFIX).replace("+", "/"))
 
 
 def save_journal(folder: str, identity: str, data: bytes) -> None:
     """Write a whole journal, readable by its owner alone; whoever looks for it finds it whole, or not at all."""
     path = f"{folder}/{journal_name(identity)}"
-    draft = f"{path.removesuffix(_SUFFIX)}.draft"
+    draft = f"{path.removesuffix(SUFFIX)}.draft"
     descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     try:
         if os.write(descriptor, data) != len(data):
@@ -327,22 +328,3 @@ def save_journal(folder: str, identity: str, data: bytes) -> None:
         os.close(descriptor)
     keep_former(Path(path), data)
     Path(draft).rename(path)
-
-
-def load_journal(path: Path) -> Journal:
-    """Read a journal's file; `JournalError` names it."""
-    return load(path, read_journal)
-
-
-def find_journals(paths: list[Path]) -> Iterator[Path]:
-    """Yield journals: each file as it is, and those in each folder, by name; `InputError` if there is no such file or folder."""
-    for path in paths:
-        if not os.path.lexists(path):
-            raise InputError(f"cannot read {path}: {os.strerror(errno.ENOENT)}")
-        if path.is_dir():
-            found = sorted(path.rglob(f"*{_SUFFIX}"))
-            if not found:
-                raise InputError(f"{path} holds no journals (files ending in .journal)")
-            yield from found
-        else:
-            yield path

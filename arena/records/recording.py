@@ -4,6 +4,7 @@ from pathlib import Path
 
 from arena.records.framing import load
 from arena.records.journal import Journal, read_journal
+from arena.records.journal_folder import read_recorded
 from arena.records.transcript import Transcript, begins_transcript, read_transcript
 
 
@@ -13,5 +14,5 @@ def read_recording(data: bytes) -> Journal | Transcript:
 
 
 def load_recording(path: Path) -> Journal | Transcript:
-    """Read a file; errors name it."""
-    return load(path, read_recording)
+    """Read a file, or a journal in a bundle; errors name it."""
+    return load(path, read_recording, read_recorded)

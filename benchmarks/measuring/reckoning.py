@@ -8,7 +8,8 @@ from typing import Any
 from arena.errors import ArenaError
 from arena.game.types import Termination
 from arena.pit.ladder import is_of_ladder
-from arena.records.journal import Journal, journal_name, load_journal
+from arena.records.journal import Journal, journal_name
+from arena.records.journal_folder import load_journal
 from arena.records.verification import check_seals
 from tournaments.ladder.ladder_store import LadderStore
 from tournaments.store.store import Store

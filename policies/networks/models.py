@@ -149,9 +149,17 @@ class TeamNetwork(nn.Module):
         Tensor
             float32, shape (n, units, actions).
         """
+        values, board = self.look(planes, scalars)
+        return self.decide(values, board, cell, legal, n_walkers)
+
+    def look(self, planes: Tensor, scalars: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the planes as the network computes with them, and the trunk's features, as `Trunk.forward`."""
         kind = self.trunk.stem.weight.dtype
         values = planes.to(kind) * (1 / ONE)
-        board = self.trunk(values, scalars.to(kind))
+        return values, self.trunk(values, scalars.to(kind))
+
+    def decide(self, values: Tensor, board: Tensor, cell: Tensor, legal: Tensor, n_walkers: int) -> Tensor:
+        """Return logits as `forward`, of what `look` returned."""
         near, around = self._near(values, cell), self._around(board, cell)
         parts = []
         if n_walkers:
@@ -185,6 +193,20 @@ class TeamNetwork(nn.Module):
         index = torch.arange(n_units, device=cell.device) % _INDEX_LETTERS
         letter = functional.one_hot(index, _INDEX_LETTERS).to(board.dtype).expand(n, -1, -1)
         return torch.cat([here, summarise(board)[:, None].expand(-1, n_units, -1), corner, letter], -1)
+
+
+class Judge(nn.Module):
+    """Who wins, judged by what a team sees, from the trunk of its network: an auxiliary task of training, never in a seat."""
+
+    def __init__(self, shape: TeamShape) -> None:
+        super().__init__()
+        self.mix = nn.Linear(2 * shape.channels + N_SCALARS, 64)
+        self.out = nn.Linear(64, 1)
+
+    def forward(self, board: Tensor, scalars: Tensor) -> Tensor:
+        """Return the value of each seat, float32, shape (n,), of the features of `TeamNetwork.look`."""
+        hidden = functional.relu(self.mix(torch.cat([summarise(board), scalars.to(board.dtype)], 1)))
+        return cast(Tensor, self.out(hidden)).float().squeeze(1)
 
 
 class Critic(nn.Module):

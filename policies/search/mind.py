@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
-from arena.game.types import Team
+from arena.game.types import Action, Team
 from policies.belief.memory import sight_of
 from policies.heuristics.role_team import RoleTeam
 from policies.search.climb import BEST, BLUEPRINT, LAST, N_PLANS, Effort, check, climb, is_sure
@@ -15,7 +15,7 @@ from policies.search.desk import set_posts
 from policies.search.explain import Thought
 from policies.search.models import ATTACK, GUARD, HOLD, HUNT, role_of_flyer
 from policies.search.particles import begin, follow, lay_ground, make_weights
-from policies.search.plans import FROM_ROLE, copy_plan, copy_tried_plan, make_plans, mean_of
+from policies.search.plans import FROM_ROLE, copy_plan, copy_tried_plan, lead_of, make_plans, mean_of
 from policies.search.playout import make_bench, write_first_orders
 from policies.search.tell import thought_of
 from policies.search.ways import find_ways
@@ -28,6 +28,8 @@ _SCRIPTED = {
 """What the blueprint's roles are in playouts, as far as they have one."""
 _FOLLOW, _CHANCE, _CHECK, _CLIMB = (np.uint64(1 << bit) for bit in (60, 61, 62, 63))
 """Apart the words that are drawn for each."""
+_LOGISTIC = 1.7
+"""A logistic curve, this much steeper than usual, is the normal distribution within 0.01."""
 
 
 class Mind:
@@ -59,6 +61,7 @@ class Mind:
         self.blueprint.start(np.zeros(1, np.intp))
         self._walkable: NDArray[np.uint64] | None = None
         self.taken = BLUEPRINT
+        self._has_thought, self._seed = False, np.uint64(0)
 
     def act(self, observations: Observations, effort: Effort, pool: ThreadPoolExecutor | None) -> NDArray[np.int8]:
         """Return the orders of a tick, int8 of shape (own units,), in memory that the next call overwrites.
@@ -75,7 +78,8 @@ class Mind:
         last_orders = self._orders[0].copy()
         self.blueprint.act(observations, self._orders)
         self.taken = BLUEPRINT
-        if effort.budget > 0:
+        self._has_thought = effort.budget > 0
+        if self._has_thought:
             self._think(observations, effort, pool, last_orders)
         orders: NDArray[np.int8] = self._orders[0]
         return orders
@@ -85,11 +89,35 @@ class Mind:
         bench, plans = self.benches[0], self.plans[0]
         return thought_of(self._ruleset, self._team, self.blueprint.belief, bench, plans, self.taken, self._orders[0])
 
+    def hear(self, orders: NDArray[np.int8]) -> None:
+        """Take other orders for those that were carried out in the last tick, int8 of shape (own units,)."""
+        self._orders[0] = orders
+
+    def first_steps(self) -> NDArray[np.float32]:
+        """Return the chances of each unit's orders in the tick that it has just answered; shape (own units, actions).
+
+        The best plan's orders have the chance that it is better than the blueprint, by its lead in the worlds in which both were
+        tried and the standard error of that; the blueprint's have the rest.
+        """
+        plans, everyone = self.plans[0], np.arange(len(self._flies))
+        chances = np.zeros((len(self._flies), len(Action)), np.float32)
+        if not self._has_thought:
+            chances[everyone, self._orders[0]] = 1
+            return chances
+        lead, error = lead_of(BEST, BLUEPRINT, int(min(plans.n_tried[BEST], plans.n_tried[BLUEPRINT])), plans)
+        is_better = 0.5 + 0.5 * np.tanh(0.5 * _LOGISTIC * lead / error)
+        best = np.zeros_like(self._orders[0])
+        write_first_orders(int(self._team), BEST, plans, self.benches[0], self._seed ^ _CHANCE, best)
+        chances[everyone, plans.first[BLUEPRINT]] += 1 - is_better
+        chances[everyone, best] += is_better
+        return chances
+
     def _think(
         self, observations: Observations, effort: Effort, pool: ThreadPoolExecutor | None, last_orders: NDArray[np.int8]
     ) -> None:
         sight, belief, me, bench = sight_of(observations), self.blueprint.belief, int(self._team), self.benches[0]
         seed, plans, is_first = observations.seed[0], self.plans[0], self._walkable is None
+        self._seed = seed
         is_drawn, effort = is_first or not effort.filters, effort.within(plans.value.shape[1])
         if self._walkable is None or (belief.walkable[0] != self._walkable).any():
             self._walkable = belief.walkable[0].copy()

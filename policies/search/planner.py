@@ -92,6 +92,14 @@ class Planner(BatchPolicy):
             if self.keeps_annotations and self.explains:
                 self._notes[seat] = explain(mind.tell()).pack() if self._effort.budget else b""
 
+    def hear(self, seat: int, orders: NDArray[np.int8]) -> None:
+        """Hear which orders were carried out in place of those that a seat gave in the last `act`: a learner's."""
+        self._minds[seat].hear(orders)
+
+    def first_steps(self, seat: int) -> NDArray[np.float32]:
+        """Return the chances that a seat gave each order in the last `act`, float32 of shape (own units, actions)."""
+        return self._minds[seat].first_steps()
+
     def take_annotations(self, seat: int) -> bytes:
         """Return what a seat thought in the last `act`, and forget it."""
         taken, self._notes[seat] = self._notes[seat], b""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from policies.training.methods import RunConfig
     from policies.training.parallel import Processes
 
-METHODS = ("ppo", "reinforce")
+METHODS = ("ppo", "reinforce", "distil")
 _LINE_EVERY_S = 10.0
 
 train = typer.Typer(invoke_without_command=True, pretty_exceptions_enable=False)
@@ -29,6 +29,10 @@ train = typer.Typer(invoke_without_command=True, pretty_exceptions_enable=False)
 def start_or_go_on(
     context: typer.Context,
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}; reinforce is the paper's.")] = "ppo",
+    against: Annotated[str, typer.Option(metavar="FIGHTER", help="ppo: meet this one alone, for a best response to it.")] = "",
+    data: Annotated[
+        list[Path] | None, typer.Option(metavar="DIR", help="distil: demonstrations to learn from; may be repeated.")
+    ] = None,
     start: Annotated[
         str,
         typer.Option(metavar="clone:FIGHTER|FILE", help="Begin as a copy of a script, or from a checkpoint; else from nothing."),
@@ -88,7 +92,10 @@ def start_or_go_on(
     if resume:
         config = read_config(RunFolder(next(iter(folders.values()))).read_settings()).with_budget(budget)
     else:
-        config = make_config(method, start, budget, rules=rules, seed=seed, assignments=settings or ())
+        folders_of_data = [str(path) for path in data or ()]
+        config = make_config(
+            method, start, budget, rules=rules, seed=seed, assignments=settings or (), data=folders_of_data, against=against
+        )
     limit_threads()
     processes = join_processes(device)
     if processes.is_first:  # the kernels are the same for all rulesets; those of single fighters follow as they are met
@@ -118,9 +125,7 @@ def _train(config: "RunConfig", out: Path, processes: "Processes", device: str) 
     from policies.training.methods import make_run
 
     folder = RunFolder(out)
-    stops: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda caught, _: stops.append(caught))
+    stops = _stop_on_signals()
     with _reporting(str(out), processes.is_first) as report:
         run = make_run(config, folder, processes, report, device)
         if processes.is_first and not (out / SETTINGS).exists():  # only now: what cannot run leaves nothing behind
@@ -131,6 +136,40 @@ def _train(config: "RunConfig", out: Path, processes: "Processes", device: str) 
         if not is_done:
             say("stopped early; the same command with --resume goes on")
     return is_done
+
+
+@train.command()
+def demonstrate(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="The folder of demonstrations; it goes on with one that is there.")],
+    teacher: Annotated[str, typer.Option(metavar="FIGHTER", help="Who says what to order.")] = "planner-fast",
+    student: Annotated[
+        str, typer.Option(metavar="FILE|NAME", help="A network that plays most of the matches; else the teacher plays all.")
+    ] = "",
+    matches: Annotated[int, typer.Option(min=1, help="How many matches the folder is to hold.")] = 1000,
+    processes: Annotated[int | None, typer.Option(min=1, help="As many as there are processors, by default.")] = None,
+    rules: Annotated[str, typer.Option(autocompletion=complete_ruleset, help="The ruleset.")] = "paper",
+    seed: Annotated[int, typer.Option(min=0, help="Of the maps and the matches.")] = 1,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, as in --set opponents.rush=0.5; may be repeated."),
+    ] = None,
+) -> None:
+    """Play matches to learn from with --method distil: a teacher says in every tick what it would order."""
+    from arena.extras import needs
+
+    with needs("train", "arena train demonstrate"):
+        from policies.training.demonstrate import DemonstrationSettings
+        from policies.training.demonstrate import demonstrate as play
+        from policies.training.demonstrations import DemonstrationFolder
+
+    chosen = DemonstrationSettings(teacher=teacher, student=student, rules=rules, seed=seed).with_(settings or ())
+    stops = _stop_on_signals()
+    with _reporting(str(out), True) as report:
+        n_processes = processes or len(os.sched_getaffinity(0))
+        is_done = play(DemonstrationFolder(out), chosen, matches, n_processes, report, lambda: bool(stops))
+    say(f"demonstrations: {out}")
+    if not is_done:
+        say("stopped early; the same command goes on")
 
 
 @train.command()
@@ -149,6 +188,14 @@ def figures(
         print_json(rows)
     else:
         print_table([name.replace("_", " ") for name in rows[0]], [list(row.values()) for row in rows])
+
+
+def _stop_on_signals() -> list[int]:
+    """Return what Ctrl-C and a request to end will be added to, in place of what they do otherwise."""
+    stops: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda caught, _: stops.append(caught))
+    return stops
 
 
 @contextmanager

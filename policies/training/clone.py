@@ -4,7 +4,8 @@ Source: Ross, Gordon, Bagnell, "A reduction of imitation learning and structured
 2011). After a while of watching, the learner plays most matches itself, while the script goes on saying what it would have done.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
@@ -15,12 +16,13 @@ from torch.nn import functional
 from arena.game.observation import Observations
 from arena.game.types import Action, Team
 from policies.networks.features import N_PLANES, N_SCALARS
-from policies.networks.learned import CHUNK, choose, infer
+from policies.networks.learned import choose, infer
 from policies.networks.models import TeamNetwork
 from policies.networks.precision import autocast
 from policies.registry import load
+from policies.search.planner import Planner
 from policies.training.ppo import Learner
-from policies.training.rollout import LearnerSeats, Results
+from policies.training.rollout import Actors, LearnerSeats, Results
 
 WATCHING = 0.15
 """Share of the samples in which the script plays all matches."""
@@ -47,6 +49,26 @@ class Teacher:
             self._red.act(seen[Team.RED].select(self._seats.opponents.self_rows), self._orders[n_games:])
         return self._seats.to_frame(np.clip(self._orders, 0, len(Action) - 1))
 
+    def chances(self) -> NDArray[np.float32]:
+        """Return the chances of each action of the frame after `label`, shape (s, units, actions); a script is sure."""
+        chances = np.eye(len(Action), dtype=np.float32)[np.clip(self._orders, 0, len(Action) - 1)]
+        for seat, (planner, its_seat) in self._planners():
+            chances[seat] = planner.first_steps(its_seat)
+        actions = np.tile(np.arange(len(Action), dtype=np.int8), (self._seats.n_seats, 1))
+        framed: NDArray[np.float32] = np.take_along_axis(chances, self._seats.to_frame(actions)[:, None].astype(np.int64), 2)
+        return framed
+
+    def hear(self, actions: NDArray[np.int8]) -> None:
+        """Tell a planner what was done in its place after `label`: actions of the frame, shape (s, units)."""
+        orders = self._seats.to_frame(actions)
+        for seat, (planner, its_seat) in self._planners():
+            planner.hear(its_seat, orders[seat])
+
+    def _planners(self) -> Iterator[tuple[int, tuple[Planner, int]]]:
+        fighters = (self._blue,) if self._red is None else (self._blue, self._red)
+        seats = [(fighter, seat) for fighter in fighters for seat in range(fighter.n_seats)]
+        yield from ((at, (fighter, seat)) for at, (fighter, seat) in enumerate(seats) if isinstance(fighter, Planner))
+
     def start(self, has_ended: NDArray[np.bool_]) -> None:
         """Tell the script in which rows a new match begins."""
         self._blue.start(np.flatnonzero(has_ended))
@@ -64,6 +86,16 @@ class Lesson:
     legal: Tensor
     labels: Tensor
     """int64, shape (t * s, units): an action of the frame, or what cross entropy ignores where there is nothing to learn."""
+
+
+def _join(lessons: Sequence[Lesson]) -> Lesson:
+    return Lesson(**{one.name: torch.cat([getattr(lesson, one.name) for lesson in lessons]) for one in fields(Lesson)})
+
+
+def as_legal(actions: NDArray[np.int8], legal: NDArray[np.uint8]) -> NDArray[np.int8]:
+    """Return actions with those that cannot be done as STAY: what a script orders against a wall it means as staying."""
+    is_legal = np.take_along_axis(legal, actions[..., None].astype(np.int64), 2)[..., 0]
+    return np.where(is_legal, actions, Action.STAY).astype(np.int8)
 
 
 def collect_lesson(
@@ -87,9 +119,7 @@ def collect_lesson(
         taught = teacher.label(seen)
         if own:
             choose(infer(network, encoded, seats.n_walkers), seeds, actions)
-        # What a script orders against a wall it means as staying.
-        is_legal = np.take_along_axis(encoded.legal, taught[..., None].astype(np.int64), 2)[..., 0]
-        taught = np.where(is_legal, taught, Action.STAY).astype(np.int8)
+        taught = as_legal(taught, encoded.legal)
         labels[tick] = np.where(encoded.alive, taught, _NO_LABEL)
         turn = seats.step(seen, np.where(is_own, actions, taught), results)
         seats.earn(turn)  # nobody learns from it here, but matches go on into the rollouts, which count from this score
@@ -102,14 +132,15 @@ def learn_lesson(learner: Learner, lesson: Lesson, n_walkers: int, rate: float, 
     """Go through a lesson once; return the mean cross entropy, and how often the learner's likeliest action is the script's."""
     for group in learner.optimiser.param_groups:
         group["lr"] = rate
-    sums, norm = torch.zeros(2), 0.0
+    sums, norm = torch.zeros(2, device=learner.device), 0.0
+    whole = [one.to(learner.device) for one in (lesson.planes, lesson.scalars, lesson.cell, lesson.legal, lesson.labels)]
     n_steps = 0
     for rows in learner.minibatches(len(lesson.labels), learner.settings.clone_minibatch, generator):
         learner.optimiser.zero_grad(set_to_none=True)
-        batch = [one[rows] for one in (lesson.planes, lesson.scalars, lesson.cell, lesson.legal, lesson.labels)]
-        for chunk in zip(*(torch.split(one, CHUNK) for one in batch), strict=True):
+        batch = [one[rows.to(learner.device)] for one in whole]
+        for chunk in zip(*(torch.split(one, learner.chunk) for one in batch), strict=True):
             planes, scalars, cell, legal, labels = chunk
-            with autocast("cpu", learner.precision):
+            with autocast(learner.device.type, learner.precision):
                 logits = learner.network(planes, scalars, cell, legal, n_walkers)
             loss = functional.cross_entropy(logits.flatten(0, 1), labels.flatten(), ignore_index=_NO_LABEL)
             share = len(planes) / len(rows)
@@ -119,16 +150,32 @@ def learn_lesson(learner: Learner, lesson: Lesson, n_walkers: int, rate: float, 
             sums += torch.stack([loss.detach(), agreed]) * share
         norm += learner.step()["actor_norm"]
         n_steps += 1
-    loss, agreed = (learner.processes.mean(sums) / n_steps).tolist()
+    loss, agreed = (learner.processes.mean(sums.cpu()) / n_steps).tolist()
     return {"clone_loss": loss, "agreed": agreed, "actor_norm": norm / n_steps}
 
 
 def clone(
-    seats: LearnerSeats, teacher: Teacher, learner: Learner, progress: float, rng: np.random.Generator, generator: torch.Generator
+    actors: Actors,
+    teachers: Sequence[Teacher],
+    learner: Learner,
+    progress: float,
+    rng: np.random.Generator,
+    generator: torch.Generator,
 ) -> tuple[int, dict[str, float]]:
-    """Attend and study one lesson; return its samples, and how it went. `progress` goes from 0 to 1 in the course of cloning."""
+    """Attend and study one lesson; return its samples, and how it went.
+
+    Parameters
+    ----------
+    teachers
+        One for each group of seats.
+    progress
+        From 0 to 1 in the course of cloning.
+    """
     settings = learner.settings
     own = OWN_SEATS if progress > WATCHING else 0.0
-    lesson = collect_lesson(seats, teacher, learner.to_act(), settings.horizon, own, rng)
+    network, rngs = learner.to_act(), rng.spawn(len(teachers))
+    lesson = _join(actors.in_each(
+        lambda group: collect_lesson(actors.groups[group], teachers[group], network, settings.horizon, own, rngs[group])
+    ))  # fmt: skip
     rate = settings.clone_rate * min(1.0, 0.1 + 10 * progress) * max(1 - progress, 0.05)
-    return len(lesson.labels), learn_lesson(learner, lesson, seats.n_walkers, rate, generator)
+    return len(lesson.labels), learn_lesson(learner, lesson, actors.n_walkers, rate, generator)

@@ -5,15 +5,18 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Protocol
 
 from arena.errors import InputError
-from policies.training import ppo_settings, reinforce_settings
+from policies.registry import load
+from policies.training import distil_settings, ppo_settings, reinforce_settings
 from policies.training.budget import Budget
+from policies.training.distil_settings import DistilSettings
 from policies.training.folder import RunFolder
+from policies.training.opponents import BEST, PAST, SELF
 from policies.training.parallel import Processes
 from policies.training.ppo_settings import PpoSettings
 from policies.training.record import ReportProgress
 from policies.training.reinforce_settings import ReinforceSettings
 
-PPO, REINFORCE = "ppo", "reinforce"
+PPO, REINFORCE, DISTIL = "ppo", "reinforce", "distil"
 DEFAULT_SAMPLES, DEFAULT_EPISODES = 3_000_000, 20_000
 
 
@@ -33,7 +36,7 @@ class RunConfig:
     start: str
     """`clone:FIGHTER`, a checkpoint's file, or nothing."""
     budget: Budget
-    settings: PpoSettings | ReinforceSettings
+    settings: PpoSettings | ReinforceSettings | DistilSettings
 
     def to_dict(self) -> dict[str, Any]:
         """Return the configuration as JSON has it."""
@@ -56,36 +59,68 @@ def checked(method: str, budget: Budget) -> Budget:
     InputError
         It cannot.
     """
-    if method == PPO and budget.episodes is not None:
-        raise InputError("--episodes is for the method reinforce; give ppo --samples or --minutes")
+    if method != REINFORCE and budget.episodes is not None:
+        raise InputError(f"--episodes is for the method reinforce; give {method} --samples or --minutes")
     return budget
 
 
 def read_config(values: dict[str, Any]) -> RunConfig:
     """Return the config that a run's folder keeps."""
     method = values.get("method", PPO)
-    read = reinforce_settings.from_dict if method == REINFORCE else ppo_settings.from_dict
-    return RunConfig(method=method, start=values["start"], budget=Budget(**values["budget"]), settings=read(values["settings"]))
+    given, budget = values["settings"], Budget(**values["budget"])
+    settings: PpoSettings | ReinforceSettings | DistilSettings
+    if method == REINFORCE:
+        settings = reinforce_settings.from_dict(given)
+    else:
+        settings = distil_settings.from_dict(given) if method == DISTIL else ppo_settings.from_dict(given)
+    return RunConfig(method=method, start=values["start"], budget=budget, settings=settings)
 
 
 def make_config(
-    method: str, start: str, budget: Budget, *, rules: str | None, seed: int, assignments: Sequence[str]
+    method: str,
+    start: str,
+    budget: Budget,
+    *,
+    rules: str | None,
+    seed: int,
+    assignments: Sequence[str],
+    data: Sequence[str] = (),
+    against: str = "",
 ) -> RunConfig:
     """Return a configuration from command line options; what is not given is the method's default.
+
+    Parameters
+    ----------
+    against
+        The only opponent, to which a best response is trained; or nobody.
 
     Raises
     ------
     InputError
         The method does not take an option.
     """
+    if data and method != DISTIL:
+        raise InputError(f"--data is for the method distil; {method} learns from the matches that it plays")
+    if against and method != PPO:
+        raise InputError(f"--against is for the method ppo; {method} has no opponents to choose, or chooses them by --set")
+    if against and any(assignment.startswith("opponents") for assignment in assignments):
+        raise InputError("--against names the only opponent; leave out --set opponents, or --against")
+    if method != PPO and start.startswith("clone:"):
+        raise InputError(f"--start clone: is for the method ppo; {method} begins with nothing, or from a checkpoint's file")
+    if method == DISTIL:
+        taught = DistilSettings(rules=rules or "paper", seed=seed, data=list(data)).with_(assignments)
+        return RunConfig(method=method, start=start, budget=checked(method, budget), settings=taught)
     if method == REINFORCE:
-        if start.startswith("clone:"):
-            raise InputError("--start clone: is for the method ppo; reinforce begins with nothing, or from a checkpoint's file")
         chosen = ReinforceSettings(rules=rules or "exp1", seed=seed).with_(assignments)
         return RunConfig(method=method, start=start, budget=Budget(episodes=DEFAULT_EPISODES), settings=chosen).with_budget(
             budget
         )
     usual = PpoSettings(rules=rules or "paper", seed=seed).with_(assignments)
+    if against:
+        if against in (SELF, BEST, PAST):
+            raise InputError(f"--against is {against!r}; a best response is to a fighter that stays as it is")
+        load(against)  # a name that nobody has is refused before anything is made
+        usual = replace(usual, opponents={against: 1.0})
     return RunConfig(method=method, start=start, budget=Budget(samples=DEFAULT_SAMPLES), settings=usual).with_budget(budget)
 
 
@@ -95,8 +130,10 @@ def make_run(config: RunConfig, folder: RunFolder, processes: Processes, report:
         from policies.training.reinforce_run import ReinforceRun
 
         return ReinforceRun(folder, config.settings, config.start, config.budget, processes, report, device)
-    if device != "cpu":
-        raise InputError(f"--device {device} is for the method reinforce; ppo trains on the CPU")
+    if isinstance(config.settings, DistilSettings):
+        from policies.training.distil_run import DistilRun
+
+        return DistilRun(folder, config.settings, config.start, config.budget, processes, report, device)
     from policies.training.ppo_run import PpoRun
 
-    return PpoRun(folder, config.settings, config.start, config.budget, processes, report)
+    return PpoRun(folder, config.settings, config.start, config.budget, processes, report, device)

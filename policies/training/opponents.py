@@ -1,7 +1,8 @@
 """Whom the learner meets: itself, its former selves, and scripts; and when a newer self takes the place of the best."""
 
+import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
 
 import numpy as np
@@ -20,6 +21,9 @@ SELF, BEST, PAST, NOBODY = "self", "best", "past", "nobody"
 _MOST_PAST = 20
 """Former selves that are kept; with one more, the second oldest goes, and the start stays."""
 _LEAST_WEIGHT = 0.05
+_LEAST_NEWEST, _MOST_NEWEST = 40, 400
+"""Matches from which on a score has an interval, and as many as it is of."""
+_Z95 = 1.959964
 
 
 def assign(shares: Mapping[str, float], first_row: int, n_rows: int) -> dict[str, NDArray[np.intp]]:
@@ -56,6 +60,21 @@ def prioritise(shares: Mapping[str, float], scores: Mapping[str, float], power: 
     weights = {name: shares[name] * ((1 - scores.get(name, 0.5)) ** power + _LEAST_WEIGHT) for name in scripts}
     by = sum(shares[name] for name in scripts) / max(sum(weights.values()), 1e-9)
     return {name: weights[name] * by if name in weights else share for name, share in shares.items()}
+
+
+class Newest:
+    """The learner's newest results against one opponent: their mean, and the interval in which the true score lies with 95%."""
+
+    def __init__(self, points: Iterable[float] = ()) -> None:
+        self.points: deque[float] = deque(points, maxlen=_MOST_NEWEST)
+
+    def interval(self) -> tuple[float, float, float]:
+        """Return mean, lower and upper bound; NaN where there are too few."""
+        if len(self.points) < _LEAST_NEWEST:
+            return math.nan, math.nan, math.nan
+        mean, spread = float(np.mean(self.points)), float(np.std(self.points, ddof=1))
+        margin = _Z95 * spread / len(self.points) ** 0.5
+        return mean, mean - margin, mean + margin
 
 
 class Pool:

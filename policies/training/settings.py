@@ -28,3 +28,16 @@ def read_values(kind: type[Kind], values: Mapping[str, Any]) -> Kind:
             expected = {str: "text", bool: "true or false"}.get(wanted, "a number")
             raise InputError(f"the setting {name} is {value!r}; it must be {expected}")
     return kind(**checked)
+
+
+def merge_shares(name: str, old: Mapping[str, float], new: Any) -> dict[str, float]:
+    """Return the shares of a setting, where a user named some anew; who is given 0 is left out.
+
+    Raises
+    ------
+    InputError
+        What the user wrote are no shares.
+    """
+    if not isinstance(new, dict) or not all(type(share) in (int, float) for share in new.values()):
+        raise InputError(f"the setting {name} is {new!r}; it takes shares by name, as in {name}.NAME=0.1")
+    return {one: float(share) for one, share in {**old, **new}.items() if share}

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 import clients.relay
-from arena.network.address import Address
+from arena.network.address import Address, free_port
 from arena.network.asking import ask
-from arena.network.session import Broadcast, Query, Session, free_port, open_client, open_router, read_payload
+from arena.network.session import Broadcast, Query, Session, open_client, open_router, read_payload
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import sign_challenge

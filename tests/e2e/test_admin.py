@@ -21,7 +21,7 @@ from arena.protocol.handshake import Attempt
 from arena.protocol.identity import Identity
 from arena.protocol.messages import AdminRequest, Challenge, ChallengeRequest, Done, Lobby, Refusal, Signed
 from arena.protocol.signed import STATEMENT_VERSION
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 from arena.records.replay import verify
 
 Start = Callable[..., Any]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from terminals import Terminal
 
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 from arena.records.replay import verify
 
 Start = Callable[..., Any]

@@ -15,7 +15,7 @@ from arena.game.types import Team, Termination
 from arena.network.address import Address
 from arena.network.session import open_client
 from arena.policy import MatchResult
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 from arena.records.replay import verify
 from clients.lobby import ask_challenge, ask_lobby
 from tournaments.ladder.ladder_store import LadderStore

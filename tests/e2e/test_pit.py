@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from arena.game.types import Termination
-from arena.records.journal import Journal, load_journal, read_journal, whole_part
+from arena.records.journal import Journal, read_journal, whole_part
+from arena.records.journal_folder import load_journal
 from arena.records.replay import verify
 
 Start = Callable[..., Any]

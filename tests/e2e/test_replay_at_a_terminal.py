@@ -9,7 +9,7 @@ from commands import run_here
 from terminals import Terminal
 
 from arena.display.scene import scenes_of_journal
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 
 Open = Callable[..., Terminal]
 LEFT_ITS_SCREEN = "\x1b[?1049l"

@@ -10,7 +10,8 @@ from pit_in_process import play_on_the_network
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, secret_from_seed
 from arena.game.ruleset import load
 from arena.local.venue import play
-from arena.records.journal import journal_name, load_journal, read_journal
+from arena.records.journal import journal_name, read_journal
+from arena.records.journal_folder import load_journal
 from arena.records.plan import MatchPlan
 from policies import registry
 from tournaments.venues import ray as cluster

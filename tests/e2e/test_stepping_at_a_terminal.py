@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from terminals import Terminal
 
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 
 BOT = """
 def act(observation):

@@ -10,7 +10,8 @@ import pytest
 from commands import ARENA
 
 from arena.game.types import Team
-from arena.records.journal import Journal, load_journal
+from arena.records.journal import Journal
+from arena.records.journal_folder import load_journal
 from arena.records.transcript import Transcript, load_transcript
 from arena.records.verification import Standing, check_seals, compare
 

@@ -9,8 +9,8 @@ from typing import Any
 from arena.display.text import draw_board
 from arena.game.types import Team
 from arena.keyring.files import load_or_make_secret
-from arena.network.session import free_port
-from arena.records.journal import load_journal
+from arena.network.address import free_port
+from arena.records.journal_folder import load_journal
 from arena.records.replay import replay
 
 Start = Callable[..., Any]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from chromium import browser, says, visit
 
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

@@ -23,7 +23,8 @@ from arena.game.state import StateField
 from arena.game.types import Team
 from arena.keyring.files import load_secret
 from arena.match.time_control import TimeControl
-from arena.network.session import free_port, open_router
+from arena.network.address import free_port
+from arena.network.session import open_router
 from arena.pit.effects import MatchEnded
 from arena.pit.match_session import PitContext
 from arena.pit.referee import Referee
@@ -49,7 +50,8 @@ from arena.protocol.messages import (
 from arena.protocol.observation_codec import without_clock
 from arena.protocol.sealing import Direction, Opener, derive_key, seat_context, truth_opener
 from arena.protocol.signed import commit, read_statement, sign_receipt
-from arena.records.journal import Journal, load_journal, read_journal
+from arena.records.journal import Journal, read_journal
+from arena.records.journal_folder import load_journal
 from arena.records.plan import MatchPlan
 from arena.records.replay import replay
 from arena.records.transcript import Head

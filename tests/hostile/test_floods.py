@@ -49,7 +49,8 @@ from arena.protocol.messages import (
 )
 from arena.protocol.sealing import Direction, Opener, Sealer, seat_context
 from arena.protocol.signed import read_statement
-from arena.records.journal import Journal, load_journal, read_journal, whole_part
+from arena.records.journal import Journal, read_journal, whole_part
+from arena.records.journal_folder import load_journal
 from arena.records.plan import MatchPlan
 from arena.records.replay import verify
 from policies import registry

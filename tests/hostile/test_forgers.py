@@ -15,7 +15,8 @@ from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES, encode
 from arena.protocol.messages import Ended, Orders, Ready, Turn
 from arena.protocol.sealing import Direction, Sealer, seat_context
-from arena.records.journal import Journal, load_journal
+from arena.records.journal import Journal
+from arena.records.journal_folder import load_journal
 from arena.records.replay import verify
 
 Start = Callable[..., Any]

@@ -28,7 +28,8 @@ from arena.protocol.messages import (
     Wait,
 )
 from arena.protocol.signed import read_statement
-from arena.records.journal import Mark, load_journal
+from arena.records.journal import Mark
+from arena.records.journal_folder import load_journal
 from arena.records.replay import verify
 
 Start = Callable[..., Any]

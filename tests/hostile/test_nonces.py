@@ -16,7 +16,7 @@ from arena.game.types import Team
 from arena.protocol import topics
 from arena.protocol.codec import decode
 from arena.protocol.messages import History, Orders, Ready, Signed, Turn
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 from arena.records.replay import verify
 
 PATIENCE_S = 60.0

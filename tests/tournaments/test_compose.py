@@ -23,7 +23,8 @@ from sqlalchemy import select
 from typer.main import get_command
 
 from arena.metrics.definitions import METRICS
-from arena.records.journal import journal_name, load_journal
+from arena.records.journal import journal_name
+from arena.records.journal_folder import load_journal
 from arena.records.replay import verify
 from tournaments.backup import back_up, restore
 from tournaments.cli import app

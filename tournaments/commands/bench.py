@@ -26,6 +26,7 @@ Benchmark = Callable[..., dict[str, Any]]
 
 One that has a parameter `minutes` goes on for as long as it is told; what it does untold is short enough for `--all`. One that
 has a parameter `turn_time` holds turns against a clock of so many seconds; one with a parameter `seed` draws what it does by it.
+One with a parameter `matches` is told, as a text, how many matches it plays at once, and one with `workers` how many a pit has.
 
 Where promises are tried, `broken` among the results lists in sentences those that were not kept; the command then ends with exit
 code 1.
@@ -36,6 +37,8 @@ _FOR_THOSE = {
     "minutes": "--minutes is for benchmarks that measure for as long as they are told",
     "turn_time": "--turn-time is for benchmarks that count late turns",
     "seed": "--seed is for benchmarks that draw what they do",
+    "matches": "--matches is for benchmarks of many matches at once",
+    "workers": "--workers is for benchmarks of a pit that may have some",
 }
 GROUP = "arena.benchmarks"
 """Entry points of other people's benchmarks."""
@@ -75,6 +78,12 @@ def bench(
         typer.Option(min=0.001, metavar="SECONDS", help="Of a turn, of those that count late ones; 0.1 without it."),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="What those draw by that draw; one that is printed without it.")] = None,
+    matches: Annotated[
+        str | None, typer.Option(metavar="N,N,...", help="How many matches at once, of those that play many; each is measured.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=64, metavar="N", help="Of the pit, of those that open one; 1 without it.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how fast the arena is on this machine."""
@@ -93,7 +102,7 @@ def bench(
             print_table(("benchmark", "what it measures"), rows)
         return
     runs = {name: benchmarks[name]() for name in chosen}
-    options = {"minutes": minutes, "turn_time": turn_time, "seed": seed}
+    options = {"minutes": minutes, "turn_time": turn_time, "seed": seed, "matches": matches, "workers": workers}
     given = {option: value for option, value in options.items() if value is not None}
     taken = {name: signature(run).parameters.keys() & given for name, run in runs.items()}
     for option in given:

@@ -28,6 +28,12 @@ def serve(
     grace: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="How long a seat that vanished keeps its place.")] = 10.0,
     missed: Annotated[int, typer.Option(min=1, help="Turns missed in a row that forfeit a match.")] = 10,
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where journals live; your data folder without it.")] = None,
+    most_matches: Annotated[
+        int | None, typer.Option(min=1, max=10_000, metavar="N", help="Matches at once; beyond, clients wait. 2000 without it.")
+    ] = None,
+    workers: Annotated[
+        int, typer.Option(min=1, max=64, metavar="N", help="Processes that referee the matches; more than one use more cores.")
+    ] = 1,
     ladder: Annotated[
         bool, typer.Option("--ladder", help="Match whoever comes by rating and waiting time, and rate them.")
     ] = False,
@@ -70,6 +76,7 @@ def serve(
 
     With --ladder, entries that wait are matched by the pit, on a map of their own, and rated; `arena leaderboard --ladder` tells.
     """
+    import os
     import signal
     import sys
     from contextlib import ExitStack, nullcontext
@@ -116,6 +123,9 @@ def serve(
             "the flag and the obstacles are, and where units were",
             err=True,
         )
+    n_cores = len(os.sched_getaffinity(0))
+    if workers > n_cores:
+        say(f"arena: warning: {workers} workers share {n_cores} cores; more than --workers {n_cores} is of no use here", err=True)
     open_ladder = find_ladder(ladder_method or DEFAULT) if ladder else None
     folder = data_folder(data)
     identity = load_or_make(folder / "keys" / "pit.key")
@@ -137,6 +147,8 @@ def serve(
         journals=folder / "journals",
         n_matches=matches,
         fsync=fsync,
+        most_matches=most_matches,
+        n_workers=workers,
     )
 
     compile_kernels(game_kernels(chosen.ruleset))
@@ -155,7 +167,7 @@ def serve(
         monitor = PitMonitor() if metrics else None
         if monitor is not None:
             of_store = kept.readings if isinstance(kept, RatedLadder) else list
-            beside.enter_context(serve_metrics(metrics, lambda: [*monitor.read(), *of_store()]))
+            beside.enter_context(serve_metrics(metrics, lambda: [*monitor.read(), *of_store()], monitor.check_health))
         server = Pit(replace(chosen, ladder=kept, monitor=monitor))
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: server.stop())

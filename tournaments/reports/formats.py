@@ -30,9 +30,10 @@ def render(report: Report, form: str, page: Path, journals: Path) -> str:
 
         return to_html(report, page, journals)
     if form == "json":
+        from arena.records.journal_folder import JournalFolder
         from tournaments.reports.map_gains import find_map_gains, map_gains_to_dict
 
-        gains = find_map_gains(report, journals)
+        gains = find_map_gains(report, JournalFolder(journals))
         return to_json(report, **({"map_gains": map_gains_to_dict(gains)} if gains else {}))
     return {"text": to_text, "md": to_markdown, "csv": to_csv}[form](report)
 

@@ -7,7 +7,6 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,13 +16,14 @@ from scipy.stats import norm
 from arena.errors import JournalError
 from arena.game.types import FLAGS, Code, Team
 from arena.records.journal import Header, read_journal
+from arena.records.journal_folder import JournalFolder
 from arena.records.plan import LeagueMatchId
 from tournaments.intervals import Z95
 from tournaments.outcome import Outcome
 from tournaments.ratings.davidson import Floats
 from tournaments.ratings.residuals import LEVEL, expected_points, holm
 from tournaments.reports.leaderboard import rounded
-from tournaments.reports.replays import find_visible, read_journal_file
+from tournaments.reports.replays import find_visible, read_kept
 from tournaments.reports.report import Report
 
 FEATURES = {
@@ -59,13 +59,13 @@ class MapGain:
         return f"{self.gain:+.3f} ({self.low:+.3f} to {self.high:+.3f})"
 
 
-def find_map_gains(report: Report, journals: Path) -> tuple[MapGain, ...]:
+def find_map_gains(report: Report, journals: JournalFolder) -> tuple[MapGain, ...]:
     """Return what features of maps are worth to the entries, by entry; nothing where too few maps may be seen.
 
     Parameters
     ----------
     journals
-        The folder of the league's journals; those that are not there, or cannot be read, are left out.
+        Those of the league; what is not there, or cannot be read, is left out.
     """
     maps = _played_maps(report, journals)
     standings = report.standings
@@ -102,7 +102,7 @@ def _gain(entry: str, feature: str, values: Floats, seen: Sequence[tuple[int, fl
     return found, p
 
 
-def _played_maps(report: Report, journals: Path) -> list[tuple[Header, list[Outcome]]]:
+def _played_maps(report: Report, journals: JournalFolder) -> list[tuple[Header, list[Outcome]]]:
     """Return the headers of maps that may be seen, each with what was played on it."""
     are_fresh = report.league.definition.get("maps") == "fresh"
     visible = find_visible((one.identity for one in report.outcomes), report.league.n_pairs, report.is_complete)
@@ -115,7 +115,7 @@ def _played_maps(report: Report, journals: Path) -> list[tuple[Header, list[Outc
     if len(groups) >= 2 * _LEAST_MAPS:
         for outcomes in groups[:: -(-len(groups) // _MOST_MAPS)]:
             with suppress(JournalError):
-                maps.append((read_journal(read_journal_file(journals, outcomes[0].identity)).header, outcomes))
+                maps.append((read_journal(read_kept(journals, outcomes[0].identity)).header, outcomes))
     return maps
 
 

@@ -3,7 +3,8 @@
 import os
 from base64 import b64encode
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
+from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.resources import files
@@ -14,7 +15,9 @@ from urllib.parse import quote
 
 from jinja2 import Environment, StrictUndefined, Template
 
+from arena.errors import JournalError
 from arena.records.journal import journal_name
+from arena.records.journal_folder import JournalFolder
 from arena.records.plan import LeagueMatchId
 from clients.web.page_file import player_page
 from tournaments.outcome import Outcome
@@ -46,9 +49,13 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
     failures, absent = failure_columns(standings.rows)
     fixtures = _fixtures(report.outcomes)
     is_listed = standings.n_matches <= MOST_LISTED
-    replays = pack_replays(report, journals)
+    kept = JournalFolder(journals)
+    bundled: set[str] = set()
+    with suppress(JournalError):  # a bundle that cannot be read
+        bundled = kept.bundled()
+    replays = pack_replays(report, kept)
     player, source = player_page() if replays else ("", "")
-    gains = find_map_gains(report, journals)
+    gains = find_map_gains(report, kept)
     found = {} if is_listed else {pair: _letters(report.league, pair, fixtures[pair]) for pair in fixtures}
     return _template().render(
         report=report,
@@ -72,12 +79,13 @@ def to_html(report: Report, page: Path, journals: Path) -> str:
         gains={entry: {one.feature: one for one in of} for entry, of in groupby(gains, key=lambda one: one.entry)},
         verdict=verdict_lines(report),
         warnings=warnings(report),
-        fixtures=[_list(report, pair, fixtures[pair], folder, replays) for pair in fixtures] if is_listed else [],
+        fixtures=[_list(report, pair, fixtures[pair], folder, bundled, replays) for pair in fixtures] if is_listed else [],
         player=player,
         player_source=source,
         numbers={pair: number for number, pair in enumerate(fixtures)} if is_listed else {},
         letters={pair: text for pair, text in found.items() if text is not None},
         folder=folder,
+        has_bundles=bool(bundled),
         latency_note=LATENCY_NOTE,
     )
 
@@ -106,9 +114,14 @@ def _fixtures(outcomes: Iterable[Outcome]) -> Mapping[tuple[str, str], Sequence[
 
 
 def _list(
-    report: Report, pair: tuple[str, str], outcomes: Sequence[Outcome], folder: str, replays: Mapping[str, str]
+    report: Report,
+    pair: tuple[str, str],
+    outcomes: Sequence[Outcome],
+    folder: str,
+    bundled: Set[str],
+    replays: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Return a fixture with its matches, their replays if there are any, and where their journals lie."""
+    """Return a fixture with its matches, their replays if there are any, and where their journals lie, unless in a bundle."""
     return {
         "pair": pair,
         "says": " v ".join(pair) + ": " + format_record(report.standings.cross[pair]),
@@ -116,7 +129,8 @@ def _list(
             {
                 "outcome": outcome,
                 "says": f"{outcome.headline}, {outcome.result.ticks} ticks",
-                "url": folder + _url(journal_name(outcome.identity)),
+                "url": "" if outcome.identity in bundled else folder + _url(journal_name(outcome.identity)),
+                "name": journal_name(outcome.identity),
                 "replay": replays.get(outcome.identity, ""),
             }
             for outcome in outcomes

@@ -3,12 +3,11 @@
 from collections import Counter
 from collections.abc import Iterable
 from contextlib import suppress
-from pathlib import Path
 
 from arena.display.replay_frames import describe_match
 from arena.errors import JournalError
-from arena.files import read_file
 from arena.records.journal import journal_name
+from arena.records.journal_folder import JournalFolder
 from arena.records.plan import LeagueMatchId
 from clients.web.page_file import pack
 from tournaments.reports.report import Report
@@ -42,21 +41,20 @@ def find_whole_pairs(played: Iterable[str]) -> set[str]:
     return {identity for identity, pair in pairs.items() if n_played[pair] == 2}
 
 
-def read_journal_file(folder: Path, identity: str) -> bytes:
+def read_kept(journals: JournalFolder, identity: str) -> bytes:
     """Return the journal of a league's match; `JournalError` if it cannot be read."""
-    path = folder / journal_name(identity)
     try:
-        return read_file(path, _MOST_BYTES)
+        return journals.read(identity, _MOST_BYTES)
     except OSError as error:
-        raise JournalError(f"the journal {path.name} cannot be read: {error.strerror}") from error
+        raise JournalError(f"the journal {journal_name(identity)} cannot be read: {error.strerror}") from error
 
 
-def pack_replays(report: Report, folder: Path) -> dict[str, str]:
+def pack_replays(report: Report, journals: JournalFolder) -> dict[str, str]:
     """Return the replays that a report carries, by identity; a match without a journal that may be seen and holds has none."""
     if len(report.outcomes) > MOST_CARRIED:
         return {}
     packed = {}
     for identity in find_visible((one.identity for one in report.outcomes), report.league.n_pairs, report.is_complete):
         with suppress(JournalError):
-            packed[identity] = pack(describe_match(read_journal_file(folder, identity)))
+            packed[identity] = pack(describe_match(read_kept(journals, identity)))
     return packed

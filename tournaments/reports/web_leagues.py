@@ -9,12 +9,13 @@ from typing import Any
 
 from arena.errors import ArenaError, InputError, UnknownNameError
 from arena.records.journal import read_journal
+from arena.records.journal_folder import JournalFolder
 from tournaments.ladder.ladder_store import LadderStore
 from tournaments.outcome import Outcome
 from tournaments.reports.head_to_head import head_to_head
 from tournaments.reports.ladder_table import describe_ladder
 from tournaments.reports.leaderboard import as_web_table
-from tournaments.reports.replays import find_visible, read_journal_file
+from tournaments.reports.replays import find_visible, read_kept
 from tournaments.reports.report import make_report, to_document
 from tournaments.reports.tags import Course, read_course, tag_course, tag_results
 from tournaments.reports.web_seasons import check_journal_is_open
@@ -33,6 +34,8 @@ class Leagues:
         self._db = db or str(data / "arena.db")
         self._reports: dict[str, tuple[tuple[str, int, int], dict[str, Any]]] = {}
         """By league: its hash, its pairs and how many results it had, and what was reported of them."""
+        self._kept: dict[str, JournalFolder] = {}
+        """By league."""
         self._courses: dict[tuple[str, str], Course] = {}
         """By league and match: what tags need of its journal."""
 
@@ -84,7 +87,7 @@ class Leagues:
     def _tag_course(self, name: str, outcome: Outcome) -> list[str]:
         key = name, outcome.identity
         if key not in self._courses:
-            self._courses[key] = read_course(read_journal(read_journal_file(self._folders.journals(name), outcome.identity)))
+            self._courses[key] = read_course(read_journal(read_kept(self._journals(name), outcome.identity)))
         return tag_course(outcome.result, self._courses[key])
 
     def ladders(self) -> list[str]:
@@ -108,7 +111,7 @@ class Leagues:
             league = store.get(name)
             if league.is_season:
                 check_journal_is_open(store, league, identity)
-                return read_journal_file(self._folders.journals(name), identity)
+                return read_kept(self._journals(name), identity)
             played = store.identities(league)
         if identity not in played:
             raise ArenaError(f"league {name} has no match {identity} that is over")
@@ -117,7 +120,10 @@ class Leagues:
             visible = find_visible(played, league.n_pairs, is_complete=True)
         if identity not in visible:
             raise ArenaError("the journal is not to be seen until the last match of these two is over")
-        return read_journal_file(self._folders.journals(name), identity)
+        return read_kept(self._journals(name), identity)
+
+    def _journals(self, name: str) -> JournalFolder:
+        return self._kept.setdefault(name, JournalFolder(self._folders.journals(name)))
 
     def _open(self) -> EntryHistory:
         return EntryHistory(self._db, make=False)

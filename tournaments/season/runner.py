@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from arena.game.types import Termination
-from arena.records.journal import identity_of
+from arena.records.journal_folder import JournalFolder
 from arena.records.plan import LeagueMatchId, MatchPlan
 from tournaments.fixture import plan_pair
 from tournaments.league.league import League
@@ -293,7 +293,7 @@ class SeasonRunner:
 
     def _resume(self, stored: set[str]) -> None:
         """Take up the pairs that were begun, as far as their versions still play."""
-        begun = {identity_of(path.name) for path in self._journals.glob("*.journal")} - stored
+        begun = JournalFolder(self._journals).identities() - stored
         pairs = {LeagueMatchId.parse(identity).pair_id for identity in begun} | self.results.halves
         for pair in sorted(pairs):
             _, one, other, number = pair.split("/")

@@ -42,9 +42,10 @@ const write = number => {
     if (letter === "-") return;
     const pair = String(index >> 1).padStart(4, "0"), [blue, red] = index % 2 ? [names[1], names[0]] : names;
     const journal = [lists.dataset.league, ...names, pair, `${blue}-blue`, "0.journal"].join("+");
+    const place = "bundled" in lists.dataset ? {title: journal} : {href: lists.dataset.folder + encodeURIComponent(journal)};
     const item = make("li");
     item.append(
-      make("a", {textContent: `blue ${blue}, red ${red}`, href: lists.dataset.folder + encodeURIComponent(journal)}),
+      make("a", {textContent: `blue ${blue}, red ${red}`, ...place}),
       letter === "d" ? ": draw" : `: ${letter === "w" ? names[0] : names[1]} wins`,
     );
     list.append(item);

@@ -10,6 +10,7 @@ from arena.local.venue import MatchRecord
 from arena.local.venue import play as play_matches
 from arena.match.time_control import TimeControl
 from arena.policy import Faults
+from arena.records.journal_folder import JournalFolder
 from arena.records.plan import MatchPlan
 from arena.sandbox.process import Sandbox
 from policies.registry import is_file_or_program
@@ -74,10 +75,11 @@ def play_rest(
     for outcome in find_ended(setting.journals, setting.ruleset, plans):
         del left[outcome.identity]
         yield outcome
+    kept = JournalFolder(setting.journals)
     for record in play(list(left.values())):
         files = [trusted[name] for name in (record.plan.blue, record.plan.red) if name in trusted]
         if files:
-            _check(setting, record, files)
+            _check(kept, setting, record, files)
         faults = zip(Team, record.n_unreadable, record.faults, strict=True)
         yield Outcome.of(record.plan, record.result, {team: _of_seat(n, counted) for team, n, counted in faults})
 
@@ -86,9 +88,9 @@ def _of_seat(n_unreadable: int, faults: Faults) -> SeatOutcome:
     return SeatOutcome(faults={**({"unreadable": n_unreadable} if n_unreadable else {}), **faults.counted})
 
 
-def _check(setting: VenueSetting, record: MatchRecord, files: Sequence[str]) -> None:
+def _check(kept: JournalFolder, setting: VenueSetting, record: MatchRecord, files: Sequence[str]) -> None:
     try:
-        check_journal(setting.journals, setting.ruleset, record.plan, record.result)
+        check_journal(kept, setting.ruleset, record.plan, record.result)
     except ArenaError as error:
         who = " or ".join(dict.fromkeys(files))
         raise ArenaError(

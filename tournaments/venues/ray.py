@@ -27,8 +27,9 @@ from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 from arena.errors import ArenaError, InputError
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION
-from arena.local.saving import make_journals_folder, save
-from arena.local.venue import BarePlan, BareRecord, MatchRecord, dress, play_bare, split, strip
+from arena.local.bare import BarePlan, strip
+from arena.local.saving import MOST_FILES, make_journals_folder, save
+from arena.local.venue import BareRecord, MatchRecord, dress, play_bare, split
 from arena.records.plan import MatchPlan
 from arena.sandbox.bubblewrap import why_no_limits, why_no_wall
 from arena.sandbox.process import Sandbox
@@ -114,7 +115,7 @@ def play_on_cluster(
     by_identity = {plan.identity: plan for plan in plans}
     with session():
         for played in _work(ruleset, split(plans, _n_cores()), bundle, walls):
-            yield from save(dress(played, by_identity), journals)
+            yield from save(dress(played, by_identity), journals, bundled=len(plans) > MOST_FILES)
 
 
 def _work(ruleset: Ruleset, tasks: list[list[MatchPlan]], bundle: Bundle, walls: Walls) -> Iterator[list[BareRecord]]:

@@ -9,12 +9,12 @@ from itertools import count
 from pathlib import Path
 
 from arena.errors import ArenaError, InputError, JournalError
-from arena.files import read_file
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult
 from arena.records.framing import CutShortError
-from arena.records.journal import Header, Journal, Mark, journal_name, read_journal, whole_part
+from arena.records.journal import Header, Journal, Mark, read_journal, whole_part
+from arena.records.journal_folder import JournalFolder, has_journals
 from arena.records.plan import MatchPlan
 from arena.records.replay import verify
 from tournaments.outcome import Outcome, SeatOutcome
@@ -27,12 +27,18 @@ def find_ended(journals: Path, ruleset: Ruleset, plans: Iterable[MatchPlan]) -> 
 
     Each journal is played again, so that one that was changed counts for nothing. A journal holds no clock: its result has no
     latencies.
+
+    Raises
+    ------
+    JournalError
+        A bundle in the folder is none, or of a newer format: it may hold what would be played twice.
     """
+    kept = JournalFolder(journals)
     for plan in plans:
-        if not (journals / journal_name(plan.identity)).exists():
+        if not kept.holds(plan.identity):
             continue
         try:
-            outcome = _read(journals / journal_name(plan.identity), ruleset, plan)
+            outcome = _read(kept, ruleset, plan)
         except ArenaError as error:
             logger.warning("%s is played again: %s", plan.identity, error)
             continue
@@ -40,9 +46,9 @@ def find_ended(journals: Path, ruleset: Ruleset, plans: Iterable[MatchPlan]) -> 
             yield outcome
 
 
-def check_journal(journals: Path, ruleset: Ruleset, plan: MatchPlan, result: MatchResult) -> None:
+def check_journal(kept: JournalFolder, ruleset: Ruleset, plan: MatchPlan, result: MatchResult) -> None:
     """Play the journal of a match again that has just ended; `ArenaError` if it does not hold, or not with this result."""
-    outcome = _read(journals / journal_name(plan.identity), ruleset, plan)
+    outcome = _read(kept, ruleset, plan)
     if outcome is None or outcome.result != result:
         raise JournalError("it ends otherwise than the match did")
 
@@ -52,7 +58,7 @@ def set_aside(journals: Path) -> None:
 
     An entry whose file was edited is the same to a journal, which holds its name alone.
     """
-    if not any(journals.glob("*.journal")):
+    if not has_journals(journals):
         return
     number = next(number for number in count(1) if not journals.with_name(f"{journals.name}.before-{number}").exists())
     aside = journals.with_name(f"{journals.name}.before-{number}")
@@ -63,10 +69,10 @@ def set_aside(journals: Path) -> None:
     logger.info("the journals of the league as it was before are in %s", aside)
 
 
-def _read(path: Path, ruleset: Ruleset, plan: MatchPlan) -> Outcome | None:
+def _read(kept: JournalFolder, ruleset: Ruleset, plan: MatchPlan) -> Outcome | None:
     """Return how a match ended by its journal; None if it has not, or was void."""
     try:
-        journal = read_journal(whole_part(read_file(path)))  # a receipt behind the ending may have been cut short
+        journal = read_journal(whole_part(kept.read(plan.identity)))  # a receipt behind the ending may have been cut short
     except CutShortError:
         return None
     except OSError as error:

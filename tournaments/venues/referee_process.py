@@ -17,7 +17,7 @@ from arena.errors import ArenaError, InputError
 from arena.game.engine import warm
 from arena.keyring.files import load_or_make
 from arena.local.workers import follow_parent
-from arena.match.match import SeatRecord
+from arena.match.seat_record import SeatRecord
 from arena.network.address import Address
 from arena.network.session import open_router
 from arena.pit.effects import MatchEnded

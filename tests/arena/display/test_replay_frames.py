@@ -16,7 +16,7 @@ from arena.game.ruleset import load
 from arena.game.types import Team
 from arena.local.venue import play
 from arena.protocol.observation_codec import ObservationWriter
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 from arena.records.replay import replay
 from arena.records.transcript import TranscriptHeader, TranscriptWriter
 from policies.registry import load as load_policy

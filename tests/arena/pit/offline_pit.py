@@ -88,12 +88,15 @@ class OfflinePit:
         register: Register | None = None,
         spectator_key: bytes | None = None,
         public_delay: int = 0,
+        most_matches: int | None = None,
     ) -> None:
         self.now_s, self.n_begun = 1_000.0, 0
         self.seating = seating or OpenSeating(self._plan, n_matches)
         self.register = register or Register(names={"owned": b"o" * 32})
         context = PitContext(pit="pit", identity=PIT, spectator_key=spectator_key, public_delay=public_delay)
-        self.core = PitCore(context, ruleset, self.seating, time_control or TimeControl(), self.register)
+        self.core = PitCore(
+            context, ruleset, self.seating, time_control or TimeControl(), self.register, most_matches=most_matches
+        )
         self.opening_s: Callable[[], float] = lambda: 0.0
         """What it takes to open the next request."""
         self.replies: dict[int, bytes | None] = {}

@@ -11,7 +11,7 @@ from arena.game.types import RULES_VERSION, Team
 from arena.pit import admission
 from arena.pit.admission import FORGET_WAITING_S, HOLD_QUESTION_S
 from arena.pit.events import JoinAsked, PresenceChanged, RequestTurn
-from arena.pit.matches import PATIENCE_S
+from arena.pit.match_sessions import PATIENCE_S
 from arena.pit.rationed_queue import MOST_REQUESTS
 from arena.pit.register import Register
 from arena.protocol import handshake
@@ -276,6 +276,17 @@ def test_beyond_the_most_matches_clients_wait_until_one_is_over(pit: OfflinePit,
     play(*playing)
     assert eve.ask() is None
     assert isinstance(dan.ask(), Ticket)
+
+
+def test_a_pit_that_is_full_says_so() -> None:
+    pit = OfflinePit(most_matches=1)
+    begin(pit)
+    eve = Player(pit, "eve")
+    assert eve.ask() is None
+
+    pit.pass_time(HOLD_QUESTION_S)
+
+    assert eve.answer() == Wait(reason="for room: the pit plays 1 matches, and takes no more at once")
 
 
 def test_a_full_pit_voids_the_match_whose_seats_are_not_ready_in_time(pit: OfflinePit, monkeypatch: pytest.MonkeyPatch) -> None:

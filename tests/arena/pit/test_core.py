@@ -14,7 +14,7 @@ from arena.pit.admission import HOLD_QUESTION_S
 from arena.pit.effects import Append, MatchEnded, PublishEnding, PublishTick, Send
 from arena.pit.events import ActionReceived, JournalAsked, JournalsReady, LobbyAsked, Stopped, TimePassed, UnfinishedFound
 from arena.pit.match_session import MOST_REJECTED
-from arena.pit.matches import RECEIPTS_S
+from arena.pit.match_sessions import RECEIPTS_S
 from arena.pit.seating import PlannedSeating
 from arena.protocol.codec import encode
 from arena.protocol.identity import Identity
@@ -667,7 +667,9 @@ def test_no_match_begins_while_no_journal_can_be_opened_and_nobody_loses_anythin
     ann, bob = Player(pit, "ann"), Player(pit, "bob")
     assert (ann.ask(), bob.ask()) == (None, None)
     pit.pass_time(HOLD_QUESTION_S)
-    assert [player.answer() for player in (ann, bob)] == [Wait(reason="for an opponent")] * 2
+    assert [player.answer() for player in (ann, bob)] == [
+        Wait(reason="for room: the pit can open no journal for another match now")
+    ] * 2
 
     pit.do(JournalsReady(1))
     for player in (ann, bob):

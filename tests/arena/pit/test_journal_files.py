@@ -1,14 +1,17 @@
 """The journals of a pit as files: whole or refused, given in pieces that fit a message, and found again."""
 
+import errno
 import logging
+import os
 import stat
 from pathlib import Path
+from typing import Any
 
 import pytest
 from offline_pit import OfflinePit, begin, play
 
 from arena.errors import ArenaError
-from arena.pit.journal_files import PIECE_BYTES, JournalFile, SpareJournals, find_unfinished, read_piece
+from arena.pit.journal_files import PIECE_BYTES, JournalFile, OpenJournals, SpareJournals, find_unfinished, read_piece
 from arena.protocol.codec import MOST_BYTES, decode
 from arena.protocol.messages import JournalPiece, Refusal
 
@@ -106,3 +109,41 @@ def test_no_journal_is_written_over_by_that_of_a_match_that_is_played_again(tmp_
 
     kept = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert kept == {"pit+0.journal.1": b"first", "pit+0.journal.2": b"second", "pit+0.journal": b"third"}
+
+
+def test_many_journals_have_no_more_files_open_than_few(tmp_path: Path) -> None:
+    among, before = OpenJournals(most=3), len(list(Path("/dev/fd").iterdir()))
+    journals = [JournalFile(tmp_path / f"{number}", 0, fsync=False, among=among) for number in range(9)]
+    for _ in range(3):
+        for number, journal in enumerate(journals):
+            journal.append(b"%d" % number)
+
+    assert len(list(Path("/dev/fd").iterdir())) <= before + 3
+    for number, journal in enumerate(journals):
+        journal.close()
+        assert (tmp_path / f"{number}").read_bytes() == b"%d" % number * 3
+    assert len(list(Path("/dev/fd").iterdir())) == before
+
+
+def test_journals_are_written_on_while_the_process_can_open_no_more_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    among = OpenJournals(most=3)
+    journals = [JournalFile(tmp_path / name, 0, fsync=False, among=among) for name in "ab"]
+    open_one, most = os.open, 2
+
+    def scarce(*arguments: Any, **options: Any) -> int:
+        if len(among.descriptors) >= most:
+            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+        return open_one(*arguments, **options)
+
+    monkeypatch.setattr("arena.pit.journal_files.os.open", scarce)
+    with pytest.raises(ArenaError):  # a new match costs no other its file
+        JournalFile(tmp_path / "c", 0, fsync=False, among=among)
+    among.close(0)
+    most = 1
+    for _ in range(2):
+        for journal in journals:
+            journal.append(b"x")
+
+    assert [(tmp_path / name).read_bytes() for name in "ab"] == [b"xx"] * 2

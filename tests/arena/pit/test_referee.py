@@ -157,7 +157,7 @@ def set_clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
         now_s[0] += 0.001
         return now_s[0]
 
-    monkeypatch.setattr("arena.pit.referee.time", SimpleNamespace(monotonic=read))
+    monkeypatch.setattr("arena.pit.match_loop.time", SimpleNamespace(monotonic=read))
     return now_s
 
 

@@ -17,18 +17,8 @@ from arena.game.ruleset import RULESETS, Ruleset, load
 from arena.game.types import RULES_VERSION, Team, Termination
 from arena.local.venue import MatchRecord
 from arena.policy import MatchResult
-from arena.records.journal import (
-    CHAIN_BYTES,
-    MAGIC,
-    Mark,
-    find_journals,
-    journal_name,
-    link,
-    load_journal,
-    read_journal,
-    save_journal,
-    write_ending,
-)
+from arena.records.journal import CHAIN_BYTES, MAGIC, Mark, journal_name, link, read_journal, save_journal, write_ending
+from arena.records.journal_folder import find_journals, load_journal
 from arena.records.replay import BrokenChainError, verify
 
 texts = st.text(st.characters(exclude_categories=["Cs"]))

@@ -243,6 +243,27 @@ def test_a_flag_that_can_be_had_next_tick_is_taken_though_the_blueprint_dawdles(
     assert games.state.field[0, StateField.SCORE] == 100
 
 
+def test_the_chances_of_first_steps_are_higher_the_surer_a_planner_is_of_its_orders() -> None:
+    games, enemy = begin_games(PAPER, [5]), seat(Rush, PAPER, Team.RED)
+    mind, effort, everyone = Mind(PAPER, Team.BLUE, n_worlds=16, n_lines=1), Effort.of(4 * LEAST_BUDGET), np.arange(6)
+    taken = Counter[int]()
+
+    for _ in range(TICKS):
+        seen = games.observe()
+        orders = mind.act(seen[Team.BLUE], effort, None).copy()
+        chances = mind.first_steps()
+        least = 0.69 if mind.taken != BLUEPRINT else 0.3  # 0.5 standard errors are a chance of 0.7
+        taken.update([mind.taken])
+        np.testing.assert_allclose(chances.sum(1), 1, rtol=1e-5)
+        assert (np.count_nonzero(chances, axis=1) <= 2).all()
+        assert (chances[everyone, orders] >= least).all()
+        games.step(np.concatenate([orders[None], decide(enemy, seen[Team.RED])], axis=1))
+
+    assert len(taken) == 2
+    mind.act(games.observe()[Team.BLUE], effort._replace(budget=0), None)
+    assert set(np.unique(mind.first_steps())) == {0.0, 1.0}  # without a thought, it is its blueprint
+
+
 def test_a_lead_that_is_not_significant_leaves_the_blueprint_s_orders() -> None:
     games, enemy = begin_games(PAPER, [5]), seat(Rush, PAPER, Team.RED)
     sceptic, believer = (Mind(PAPER, Team.BLUE, n_worlds=16, n_lines=1) for _ in range(2))

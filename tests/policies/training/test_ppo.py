@@ -10,12 +10,13 @@ import torch
 from small import FULL, SETTINGS, advantageous, make_learner, make_seats
 from torch import nn
 
-from arena.errors import InputError
+from arena.errors import ArenaError, InputError
 from arena.game.types import Action
 from policies.networks.checkpoint import load_checkpoint
-from policies.training import ppo_run
+from policies.training import opponents, ppo_run
 from policies.training.budget import Budget
 from policies.training.folder import METRICS, START, RunFolder
+from policies.training.methods import make_config
 from policies.training.opponents import prioritise
 from policies.training.parallel import Processes
 from policies.training.ppo import MOST_NORM, Learner
@@ -89,8 +90,20 @@ def test_the_weight_of_the_teacher_falls_to_nothing_over_its_share_of_the_run() 
     assert schedule(PpoSettings(), 0.0, 0).teacher_kl == 0
 
 
-@pytest.mark.parametrize(("setting", "reason"), [("teacher_kl=-1", "teacher_kl"), ("teacher_share=0", "teacher_share")])
-def test_a_teacher_s_weight_that_cannot_be_is_refused(setting: str, reason: str) -> None:
+def test_the_weight_of_the_entropy_falls_to_what_is_to_be_left_of_it() -> None:
+    def weights(left: float) -> list[float]:
+        return [schedule(PpoSettings(entropy=0.02, entropy_left=left), done, 0).entropy for done in (0.0, 0.5, 0.95, 1.0)]
+
+    assert weights(0.1) == pytest.approx([0.02, 0.01, 0.002, 0.002])
+    assert weights(0.0) == pytest.approx([0.02, 0.01, 0.001, 0.0])
+    assert weights(1.0) == pytest.approx([0.02] * 4)
+
+
+@pytest.mark.parametrize(
+    ("setting", "reason"),
+    [("teacher_kl=-1", "teacher_kl"), ("teacher_share=0", "teacher_share"), ("entropy_left=2", "entropy_left")],
+)
+def test_a_weight_that_cannot_be_is_refused(setting: str, reason: str) -> None:
     with pytest.raises(InputError, match=f"the setting {reason} is"):
         PpoSettings().with_([setting])
 
@@ -150,7 +163,52 @@ def test_a_run_with_priorities_seats_scripts_anew_by_how_they_fare(
         return False
 
     run.train(say_how_they_fare)
-    rows = {name: len(mine) for name, mine in run.seats["paper"].opponents.rows.items()}
+    rows = {name: len(mine) for name, mine in run.actors["paper"].groups[0].opponents.rows.items()}
 
     assert rows == ({"random": 4} if priority else {"rush": 2, "random": 2})
-    assert len(run.seats["paper"].opponents.self_rows) == 4
+    assert len(run.actors["paper"].groups[0].opponents.self_rows) == 4
+
+
+def test_a_best_response_meets_one_fighter_alone_and_tells_its_score_with_an_interval(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opponents, "_LEAST_NEWEST", 2)
+    given = {
+        "rules": None,
+        "seed": 1,
+        "assignments": ["games=4", "horizon=100", "channels=8", "blocks=1", "minibatch=400", "epochs=1"],
+    }
+    config = make_config("ppo", "", Budget(samples=400), against="patrol", **given)  # type: ignore[arg-type]
+    folder, told = RunFolder(tmp_path / "run"), []
+    folder.create(config.to_dict())
+    settings = config.settings
+    assert isinstance(settings, PpoSettings)
+
+    def go_on(samples: int) -> PpoRun:
+        run = PpoRun(folder, settings, "", Budget(samples=samples), Processes(), lambda _, text: told.append(text))
+        run.train(lambda: False)
+        return run
+
+    first = go_on(400)
+    second = go_on(800)
+    with (folder.path / METRICS).open(encoding="utf-8", newline="") as file:
+        last = list(csv.DictReader(file))[-1]
+
+    assert settings.opponents == {"patrol": 1.0}
+    assert 0 <= float(last["newest_low"]) <= float(last["newest"]) <= float(last["newest_high"]) <= 1
+    assert len(second.newest.points) > len(first.newest.points) >= 2
+    assert "score against patrol 0." in told[-1]
+
+
+@pytest.mark.parametrize(
+    ("method", "against", "sets", "reason"),
+    [
+        ("reinforce", "champion", [], "--against is for the method ppo"),
+        ("ppo", "champion", ["opponents.rush=0.1"], "names the only opponent"),
+        ("ppo", "best", [], "a best response is to a fighter that stays as it is"),
+        ("ppo", "champoin", [], "champoin"),
+    ],
+)
+def test_who_cannot_be_responded_to_is_refused(method: str, against: str, sets: list[str], reason: str) -> None:
+    with pytest.raises(ArenaError, match=reason):
+        make_config(method, "", Budget(), rules=None, seed=1, assignments=sets, against=against)

@@ -10,7 +10,8 @@ import pytest
 
 from arena.game.types import Team
 from arena.protocol.observation_codec import ObservationWriter
-from arena.records.journal import load_journal, save_journal
+from arena.records.journal import save_journal
+from arena.records.journal_folder import load_journal
 from arena.records.replay import replay
 from arena.records.transcript import TranscriptHeader, TranscriptWriter
 

@@ -11,7 +11,7 @@ import pytest
 
 from arena.errors import InputError, UnknownNameError
 from arena.game.types import Team
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 from policies.registry import REFERENCES, SCRIPTS, shipped
 from tournaments.authoring.gauntlet import find_opponents, name_bot
 from tournaments.authoring.turn_times import TurnTimes

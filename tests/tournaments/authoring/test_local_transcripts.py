@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from arena.game.types import Team
-from arena.records.journal import load_journal
+from arena.records.journal_folder import load_journal
 from arena.records.transcript import load_transcript
 from arena.records.verification import watch
 

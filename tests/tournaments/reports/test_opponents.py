@@ -15,6 +15,7 @@ from arena.game.keys import MatchKeys, derive_map_key
 from arena.game.ruleset import load
 from arena.game.types import Code, Team
 from arena.records.journal import Header, journal_name, write_start
+from arena.records.journal_folder import JournalFolder
 from arena.records.plan import LeagueMatchId
 from tournaments.outcome import Outcome
 from tournaments.ratings.standings import stand
@@ -118,7 +119,7 @@ def test_what_an_entry_gains_where_there_are_many_obstacles_is_found(walled: Rep
     for outcome in walled.outcomes:
         (tmp_path / journal_name(outcome.identity)).write_bytes(write_start(header(outcome), b"", b"")[0])
 
-    found = {(gain.entry, gain.feature): gain for gain in find_map_gains(walled, tmp_path)}
+    found = {(gain.entry, gain.feature): gain for gain in find_map_gains(walled, JournalFolder(tmp_path))}
 
     gain = found["a", "obstacles"]
     assert gain.is_significant
@@ -139,4 +140,4 @@ def test_the_way_from_flag_to_flag_goes_around_obstacles() -> None:
 
 
 def test_without_journals_nothing_is_said_of_maps(walled: Report, tmp_path: Path) -> None:
-    assert find_map_gains(walled, tmp_path) == ()
+    assert find_map_gains(walled, JournalFolder(tmp_path)) == ()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from arena.game.keys import derive_map_key, secret_from_seed
-from arena.records.journal import find_journals, load_journal
+from arena.records.journal_folder import find_journals, load_journal
 from tournaments.league.file import load_league
 from tournaments.running.scheduler import Folders, Scheduler
 from tournaments.store.store import Store

@@ -1,0 +1,205 @@
+"""The processes of a pit's workers: started, told, listened to, and replaced when they end."""
+
+import json
+import logging
+import multiprocessing
+import threading
+import time
+from collections.abc import Callable
+from ctypes import c_longlong
+from multiprocessing.connection import Connection
+from queue import SimpleQueue
+from typing import Any
+
+from arena.errors import ArenaError
+from arena.pit.events import Event, WorkerLost, WorkerReady, WorkerSaid
+from arena.pit.workers.messages import Failed, Order, StopWork, WorkerSettings
+from arena.pit.workers.worker import NOBODY, describe_version, work
+
+logger = logging.getLogger(__name__)
+
+MOST_STILLBORN = 3
+"""Processes in a row that end before they take matches; after one more, the pit ends."""
+HUNG_S = 20.0
+"""A worker tells of itself every second; one that says nothing for so long is replaced."""
+STOP_S = 5.0
+"""How long workers may take to leave their matches."""
+_START_S = 120.0
+_FIRST_REST_S, _MOST_REST_S = 0.5, 16.0
+"""Before a worker that died young twice in a row, or more often, is replaced."""
+_YOUNG_S = 10.0
+
+
+class _Place:
+    """A place for one worker after another."""
+
+    def __init__(self, settings: WorkerSettings) -> None:
+        self.settings = settings
+        self.process: Any = None
+        self.mark: c_longlong
+        self.orders: SimpleQueue[Order | None] = SimpleQueue()
+        self.is_ready, self.is_gone = False, True
+        self.n_young_deaths = self.n_stillborn = 0
+        self.started_at_s = self.heard_at_s = self.start_at_s = 0.0
+
+
+class WorkerProcesses:
+    """Workers, each in a process that `spawn` starts; their keys and secrets go through its pipe alone.
+
+    Parameters
+    ----------
+    settings
+        Of each worker.
+    hand_over
+        Takes what makes an event, for the thread of the pit; called from others. It raises `ArenaError` there if the pit cannot
+        go on.
+    target
+        What a worker does.
+    """
+
+    def __init__(
+        self,
+        settings: list[WorkerSettings],
+        hand_over: Callable[[Callable[[], Event]], None],
+        target: Callable[[Connection, c_longlong], None] = work,
+    ) -> None:
+        self._hand_over, self._target = hand_over, target
+        self._context = multiprocessing.get_context("spawn")
+        self._places = {one.number: _Place(one) for one in settings}
+        self._is_stopping = False
+        self._looked_at_s = time.monotonic()
+
+    def start(self) -> None:
+        """Start all of them; each tells by an event that it is ready."""
+        for place in self._places.values():
+            self._start(place)
+
+    def tell(self, worker: int, order: Order) -> None:
+        """Tell a worker something; nobody waits for it to listen."""
+        self._places[worker].orders.put(order)
+        self._is_stopping |= isinstance(order, StopWork)
+
+    def look(self) -> None:
+        """Replace workers that have ended, and end those that hang; to be called by the thread that called `start`.
+
+        Raises
+        ------
+        ArenaError
+            A worker does not come as far as taking matches, however often it is started.
+        """
+        now_s = time.monotonic()
+        slept_s, self._looked_at_s = now_s - self._looked_at_s, now_s
+        for number, place in self._places.items():
+            if slept_s > 1.0:
+                place.heard_at_s = now_s  # this process was stopped itself
+            if place.is_gone and not self._is_stopping:
+                if place.n_stillborn > MOST_STILLBORN:
+                    raise ArenaError(f"worker {number} died {place.n_stillborn} times in a row before it took a match")
+                if now_s >= place.start_at_s:
+                    self._start(place)
+            elif place.is_ready and now_s - place.heard_at_s > HUNG_S:
+                logger.warning("worker %d has said nothing for %g s; it is replaced", number, HUNG_S)
+                place.heard_at_s = now_s
+                place.process.kill()
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether no worker is left."""
+        return all(place.is_gone for place in self._places.values())
+
+    def close(self) -> None:
+        """End all of them."""
+        self._is_stopping = True
+        for place in self._places.values():
+            if place.process is not None:
+                place.process.kill()
+                place.process.join()
+
+    def _start(self, place: _Place) -> None:
+        pipe, theirs = self._context.Pipe()
+        place.mark = self._context.RawValue(c_longlong, NOBODY)
+        place.orders = SimpleQueue()
+        place.is_gone = place.is_ready = False
+        place.started_at_s = time.monotonic()
+        place.process = self._context.Process(
+            target=self._target, args=(theirs, place.mark), name=f"worker {place.settings.number}", daemon=True
+        )
+        place.process.start()
+        theirs.close()
+        name = f"listener of worker {place.settings.number}"
+        threading.Thread(target=self._listen, args=(place, pipe), name=name, daemon=True).start()
+
+    def _listen(self, place: _Place, pipe: Connection) -> None:
+        """Hand over all that a worker says, and that it has ended."""
+        number, orders = place.settings.number, place.orders
+        try:
+            if not pipe.poll(_START_S):
+                place.process.kill()
+            said = pipe.recv_bytes()
+            if said != describe_version():
+                place.process.kill()
+                sentence = describe_difference(number, said)
+                self._hand_over(lambda: _fail(sentence))
+            else:
+                pipe.send(place.settings)
+                threading.Thread(target=_tell, args=(orders, pipe), name=f"teller of worker {number}", daemon=True).start()
+                while True:
+                    self._note(place, pipe.recv())
+        except (EOFError, OSError):
+            pass
+        finally:
+            orders.put(None)
+            place.process.kill()  # it may be within its last words
+            place.process.join()
+            self._note_end(place)
+
+    def _note(self, place: _Place, report: Any) -> None:
+        number, place.heard_at_s = place.settings.number, time.monotonic()
+        if not place.is_ready:
+            place.is_ready, place.n_stillborn = True, 0
+            self._hand_over(lambda: WorkerReady(number))
+        if isinstance(report, Failed):
+            self._hand_over(lambda: _fail(report.reason))
+        else:
+            self._hand_over(lambda: WorkerSaid(number, report))
+
+    def _note_end(self, place: _Place) -> None:
+        now_s, was_ready = time.monotonic(), place.is_ready
+        place.n_young_deaths = place.n_young_deaths + 1 if now_s - place.started_at_s < _YOUNG_S else 0
+        place.n_stillborn += not was_ready
+        rest_s = min(_FIRST_REST_S * 2 ** (place.n_young_deaths - 2), _MOST_REST_S) if place.n_young_deaths > 1 else 0.0
+        place.start_at_s = now_s + rest_s
+        lane = None if place.mark.value == NOBODY else int(place.mark.value)
+        if was_ready:
+            self._hand_over(lambda: WorkerLost(place.settings.number, lane))
+        place.is_ready, place.is_gone = False, True
+
+
+def _tell(orders: "SimpleQueue[Order | None]", pipe: Connection) -> None:
+    while (order := orders.get()) is not None:
+        try:
+            pipe.send(order)
+        except OSError:
+            return  # it has ended
+
+
+def _fail(reason: str) -> Event:
+    raise ArenaError(reason)
+
+
+def describe_difference(number: int, said: bytes) -> str:
+    """Return a sentence on a worker that is not of this version.
+
+    Parameters
+    ----------
+    said
+        What it said first.
+    """
+    ours = json.loads(describe_version())
+    try:
+        theirs = {name: json.loads(said)[name] for name in ours}
+    except (ValueError, KeyError, TypeError):
+        theirs = {}
+    differing = ", ".join(f"{name} {theirs[name]} for {ours[name]}" for name in theirs if theirs[name] != ours[name])
+    what = f": {differing}" if differing else ""
+    return f"worker {number} is a worker of another version{what}; the arena was installed anew: start arena serve again"

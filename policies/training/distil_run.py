@@ -1,0 +1,272 @@
+"""A run that learns from demonstrations, passing over them as often as it is told, over as many sittings as it takes.
+
+Of a teacher that is unsure, its chances are learned beside its orders. Source: Hinton, Vinyals, Dean, "Distilling the knowledge
+in a neural network" (2015). A network that is taught what a search makes of the positions that it gets itself into is expert
+iteration: Anthony, Tian, Barber, "Thinking fast and slow with deep learning and tree search" (2017).
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from arena.errors import InputError
+from arena.game.ruleset import Ruleset
+from arena.game.ruleset import load as load_rules
+from arena.game.types import Team
+from policies.networks.checkpoint import describe, save_checkpoint
+from policies.networks.learned import CHUNK
+from policies.networks.models import Judge, TeamNetwork, TeamShape, channels_last
+from policies.networks.precision import autocast, precision_of
+from policies.training.budget import Budget
+from policies.training.demonstrations import CERTAIN, DemonstrationFolder, Demonstrations, join, mirrored, read
+from policies.training.distil_settings import DistilSettings
+from policies.training.folder import LAST, STEP, RunFolder
+from policies.training.gradients import bound_gradients
+from policies.training.parallel import Processes
+from policies.training.record import Record, ReportProgress
+from policies.training.start import read_start
+
+MOST_NORM = 1.0
+AT_ONCE = 4
+"""Files whose samples are mixed, and held in memory, at a time."""
+UNSEEN_EVERY = 10
+"""Of the files of a folder's first process, one in so many is not learned from, but shows how the network fares with what it has
+not seen; the same ones, however many files come after."""
+_WARMUP = 50
+"""Steps in which the rate rises."""
+_LEAST_RATE = 0.01
+_METRICS = ("loss", "agreed", "value_loss", "norm", "unseen_loss", "unseen_agreed", "unseen_value_loss", "rate")
+Rows = NDArray[np.intp]
+Batch = tuple[Demonstrations, Rows, Ruleset]
+"""Samples, the rows of them that are a minibatch, and the ruleset that they are of."""
+
+
+@dataclass(slots=True)
+class Counts:
+    """Where a run stands."""
+
+    step: int = 0
+    """Rows of metrics: groups of files."""
+    passes: int = 0
+    """Passes that have ended."""
+    groups: int = 0
+    """Groups of files of the pass that is under way."""
+    updates: int = 0
+    """Steps of the optimiser."""
+    samples: int = 0
+    """Over all processes."""
+    seconds: float = 0.0
+    """Time spent training, over all sittings."""
+
+
+class DistilRun:
+    """One run in one process of perhaps several.
+
+    Parameters
+    ----------
+    start
+        A checkpoint's file, or nothing.
+    report
+        Called after each group of files.
+    device
+        Where the network computes, as torch names it.
+    """
+
+    def __init__(
+        self,
+        folder: RunFolder,
+        settings: DistilSettings,
+        start: str,
+        budget: Budget,
+        processes: Processes,
+        report: ReportProgress,
+        device: str = "cpu",
+    ) -> None:
+        self.folder, self.settings, self.start, self.budget, self.processes, self._report = (
+            folder, settings, start, budget, processes, report,
+        )  # fmt: skip
+        self.device, self.precision = torch.device(device), precision_of(device)
+        self.ruleset = load_rules(settings.rules)
+        self._files: list[tuple[Path, Ruleset]] = []
+        self._unseen: list[tuple[Path, Ruleset]] = []
+        for path in settings.data:
+            data = DemonstrationFolder(Path(path))
+            ruleset, files = data.check(), data.files()
+            for file in files:
+                is_unseen = file.process == files[0].process and file.number % UNSEEN_EVERY == 1
+                (self._unseen if is_unseen else self._files).append((file.path, ruleset))
+        if all(ruleset.hash != self.ruleset.hash for _, ruleset in [*self._files, *self._unseen]):
+            raise InputError(f"there are no demonstrations of ruleset {settings.rules} in {', '.join(settings.data)}")
+        if not self._files or not self._unseen:
+            raise InputError(
+                f"there are too few demonstrations in {', '.join(settings.data)}; it takes 2 files, one to be judged by"
+            )
+        torch.manual_seed(settings.seed)
+        network = TeamNetwork(TeamShape(channels=settings.channels, blocks=settings.blocks))
+        if start:
+            network = read_start(Path(start), self.ruleset, network)
+        self.network, self.judge = channels_last(network.to(self.device)), Judge(network.shape).to(self.device)
+        self.average = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
+        """Running average of the weights: what is saved."""
+        self.parameters = [*self.network.parameters(), *self.judge.parameters()]
+        self.optimiser = torch.optim.Adam(self.parameters, lr=settings.rate)
+        self.counts = Counts()
+        state = folder.load_state()
+        if state is not None:
+            self._restore(state)
+
+    def train(self, should_stop: Callable[[], bool]) -> bool:
+        """Go on until passes or budget are used up, or `should_stop` says so; then save. Return whether they are used up."""
+        self._record = Record(self.folder, self.processes, self._report)
+        while self.progress < 1 and not self.processes.share_first(should_stop()):
+            self._learn_group()
+        self.save()
+        return self.progress >= 1
+
+    @property
+    def progress(self) -> float:
+        """How much of the passes, or of the budget, is used up; the same in every process."""
+        counts = self.counts
+        passes = (counts.passes + min(counts.groups / max(self._n_groups, 1), 1.0)) / self.settings.passes
+        return self.processes.share_first(max(passes, self.budget.progress(samples=counts.samples, seconds=counts.seconds)))
+
+    def save(self) -> None:
+        """Write the weights that play, and the state to go on from."""
+        self._record.saved()
+        if not self.processes.is_first:
+            return
+        training = {"method": "distil", "start": self.start, "settings": asdict(self.settings), **asdict(self.counts)}
+        save_checkpoint(self.folder.path / LAST, self.average, describe(self.network, self.ruleset, training))
+        self.folder.save_state({
+            "network": self.network.state_dict(), "judge": self.judge.state_dict(), "optimiser": self.optimiser.state_dict(),
+            "average": self.average, "counts": asdict(self.counts),
+        })  # fmt: skip
+
+    def _restore(self, state: Mapping[str, Any]) -> None:
+        try:
+            self.network.load_state_dict(state["network"])
+            self.judge.load_state_dict(state["judge"])
+            self.optimiser.load_state_dict(state["optimiser"])
+            self.average = {name: tensor.to(self.device) for name, tensor in state["average"].items()}
+            self.counts = Counts(**state["counts"])
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
+            raise InputError(f"cannot go on from {self.folder.path}: its state is of another version ({error})") from error
+        if self.processes.is_first:
+            self.folder.cut_metrics(self.counts.step)
+
+    @property
+    def _n_groups(self) -> int:
+        return math.ceil(len(self._files) / AT_ONCE)
+
+    def _learn_group(self) -> None:
+        """Learn from the next files of the pass, and count."""
+        counts = self.counts
+        order = np.random.default_rng([self.settings.seed, counts.passes]).permutation(len(self._files))
+        files = np.array_split(order, self._n_groups)[min(counts.groups, self._n_groups - 1)]
+        rng = np.random.default_rng([self.settings.seed, counts.passes, counts.groups])
+        rate, sums = 0.0, torch.zeros(4)
+        batches = [batch for part in self._read_mixed(files, rng) for batch in part]
+        for index in rng.permutation(len(batches)):
+            samples, rows, ruleset = batches[index]
+            rate = self._set_rate()
+            sums += self._step(samples, np.array_split(rows, self.processes.n)[self.processes.rank], ruleset)
+        loss, agreed, value_loss, norm = (self.processes.mean(sums) / len(batches)).tolist()
+        unseen = self._judge_unseen(rng)
+        counts.groups += 1
+        if counts.groups >= self._n_groups:
+            counts.passes, counts.groups = counts.passes + 1, 0
+        self._note(
+            sum(len(rows) for _, rows, _ in batches),
+            dict(zip(_METRICS, (loss, agreed, value_loss, norm, *unseen, rate), strict=True)),
+        )
+
+    def _read_mixed(self, files: Rows, rng: np.random.Generator) -> Iterator[list[Batch]]:
+        """Yield the minibatches of some files, which are of one ruleset each; half of their samples are mirrored."""
+        for wanted in dict.fromkeys(self._files[index][1].hash for index in files):
+            mine = [self._files[index] for index in files if self._files[index][1].hash == wanted]
+            samples = join([read(path) for path, _ in mine])
+            n = len(samples.outcome)
+            samples = mirrored(samples, rng.random(n) < 0.5)
+            parts = np.array_split(rng.permutation(n), max(round(n / self.settings.minibatch), 1))
+            yield [(samples, rows, mine[0][1]) for rows in parts]
+
+    def _set_rate(self) -> float:
+        done = min(self.progress, 1.0)
+        cosine = 0.5 + 0.5 * math.cos(math.pi * done)
+        self.counts.updates += 1
+        rate = self.settings.rate * (_LEAST_RATE + (1 - _LEAST_RATE) * cosine) * min(1.0, self.counts.updates / _WARMUP)
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        return rate
+
+    def _step(self, samples: Demonstrations, rows: Rows, ruleset: Ruleset) -> Tensor:
+        """Take a step, if its gradient is sound; return the mean loss, agreement, error of the value, and the norm."""
+        self.optimiser.zero_grad(set_to_none=True)
+        sums = torch.zeros(3, device=self.device)
+        size = CHUNK if self.device.type == "cpu" else max(len(rows), 1)
+        for part in np.array_split(rows, max(math.ceil(len(rows) / size), 1)):
+            loss, metrics = self._loss(self.network, samples, part, ruleset)
+            share = len(part) / len(rows)
+            (loss * share).backward()  # type: ignore[no-untyped-call]
+            sums += metrics * share
+        self.processes.average_gradients(self.parameters)
+        norm = bound_gradients(self.parameters, MOST_NORM)
+        self.optimiser.step()
+        with torch.no_grad():
+            for name, tensor in self.network.state_dict().items():
+                self.average[name].lerp_(tensor, 1 - self.settings.average)
+        return torch.cat([sums.cpu(), torch.tensor([norm])])
+
+    def _loss(self, network: TeamNetwork, samples: Demonstrations, rows: Rows, ruleset: Ruleset) -> tuple[Tensor, Tensor]:
+        n_walkers = sum(not unit.flies for unit in ruleset.team(Team.BLUE))
+        planes, scalars, cell, legal, labels, chances, outcome = (
+            torch.from_numpy(column[rows]).to(self.device) for column in samples
+        )
+        with autocast(self.device.type, self.precision):
+            values, board = network.look(planes, scalars)
+            logits = network.decide(values, board, cell.long(), legal, n_walkers)
+            value = self.judge(board, scalars)
+        is_known = (labels >= 0).float()
+        sure = functional.one_hot(labels.long().clamp_min(0), logits.shape[-1]).float()
+        chances = chances.float() / chances.float().sum(-1, keepdim=True).clamp_min(1 / CERTAIN)
+        target = sure.lerp(chances, self.settings.soft)
+        n = is_known.sum().clamp_min(1)
+        loss = -((target * logits.log_softmax(-1)).sum(-1) * is_known).sum() / n
+        agreed = ((logits.argmax(-1) == labels) * is_known).sum() / n
+        value_loss = (value - outcome).square().mean()
+        return loss + self.settings.value * value_loss, torch.stack([loss.detach(), agreed, value_loss.detach()])
+
+    def _judge_unseen(self, rng: np.random.Generator) -> list[float]:
+        """Return loss, agreement and error of the value with the averaged weights, on some samples that are not learned from."""
+        path, ruleset = self._unseen[self.counts.step % len(self._unseen)]
+        samples = read(path)
+        rows = rng.permutation(len(samples.outcome))[: self.settings.minibatch]
+        averaged = TeamNetwork(self.network.shape).to(self.device)
+        averaged.load_state_dict(self.average)
+        sums = torch.zeros(3, device=self.device)
+        with torch.inference_mode():
+            for part in np.array_split(rows, math.ceil(len(rows) / CHUNK)):
+                sums += self._loss(channels_last(averaged), samples, part, ruleset)[1] * (len(part) / len(rows))
+        return list(sums.tolist())
+
+    def _note(self, n: int, metrics: Mapping[str, float]) -> None:
+        """Count, write the metrics, save if it is time, and report."""
+        counts, took_s = self.counts, self._record.lap()
+        counts.step += 1
+        counts.samples += n
+        counts.seconds += took_s
+        per_s = n / max(took_s, 1e-9)
+        row = {STEP: counts.step, "passes": counts.passes, "seconds": counts.seconds, "samples": counts.samples, "per_s": per_s}
+        self._record.add({**row, **metrics}, counts.samples)
+        if self._record.is_save_due():
+            self.save()
+        how = f"agrees with the teacher in {metrics['agreed']:.3f}, unseen {metrics['unseen_agreed']:.3f}"
+        self._record.report(self.progress, counts.seconds, f"{counts.samples:,} samples, {per_s:,.0f} per s; {how}")
