@@ -25,7 +25,9 @@ Size = Callable[[int, int], int]
 def test_nothing_is_lost_whatever_is_killed_stopped_or_cut(size: Size) -> None:
     said: list[str] = []
     is_full = size(0, 1) == 1
-    chosen: dict[str, Any] = {} if is_full else {"entries": {"ann": "patrol", "bob": "rush"}, "has_league": False, "every_s": 0.1}
+    chosen: dict[str, Any] = (
+        {} if is_full else {"entries": {"ann": "patrol", "bob": "rush"}, "has_league": False, "every_s": 0.1, "n_workers": 1}
+    )
 
     figures = measure(said.append, duration_s=size(1, 15 * 60), seed=7, **chosen)
 
