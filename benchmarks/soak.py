@@ -233,6 +233,7 @@ class _Soak:
             if part.has_finished and may_grow:
                 self._add_pairs()
                 part.start()
+                self._courts[-1].excuse()
         if self._cluster is not None:
             self._cluster.tend(RESTART_S)
         for court in self._courts:
