@@ -4,6 +4,7 @@ What a supervisor would start again, this does. At the end everything is counted
 that does not verify, or memory that grows for ever breaks a promise, and the command ends with exit code 1.
 """
 
+import signal
 import sys
 import tempfile
 import time
@@ -59,6 +60,7 @@ Progress = Callable[[str], None]
 
 def run(progress: Progress, minutes: float = 2.0, seed: int | None = None) -> dict[str, Any]:
     """A pit and a league while processes, disk, network and database fail at random; whether anything is lost, or grows."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # end all processes, too
     return measure(progress, duration_s=60 * minutes, seed=randbelow(1 << 31) if seed is None else seed)
 
 
