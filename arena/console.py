@@ -94,6 +94,8 @@ def set_up_logging(verbosity: int = 0, form: str = "") -> None:
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(JsonFormatter() if is_json else LineFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     logging.basicConfig(level=level, handlers=[handler])
+    if not verbosity:
+        logging.getLogger("alembic").setLevel(logging.WARNING)  # which says at each start what it is made of
 
 
 def to_json(value: object, *, indent: int | None = 2) -> str:

@@ -44,7 +44,7 @@ _EVERY_S = 4.0
 """Mean time from the end of a fault to the next."""
 _LASTS_S = (0.5, 8.0)
 """Of what is stopped, cut or full."""
-_SELDOM = 0.1
+_SELDOM = 0.2
 """Weight of what ends a process that is to live long, so that it can be seen whether its memory grows."""
 _POLL_S, _LOOK_S, _SAY_S = 0.2, 2.0, 30.0
 _COME_S, _END_S = 180.0, 300.0
