@@ -16,6 +16,7 @@ from arena.game.state import StateField
 from arena.game.types import Action, Team, Termination
 from arena.match.effects import Ask, Effect, End, Publish, Write
 from arena.match.seat_clock import SeatClock
+from arena.match.seat_record import SeatRecord as SeatRecord
 from arena.match.time_control import TimeControl
 from arena.policy import MatchResult
 from arena.protocol.observation_codec import ObservationWriter
@@ -35,32 +36,6 @@ class Phase(Enum):
     WAITING = "for both seats to be ready"
     PLAYING = "playing"
     OVER = "over"
-
-
-@dataclass(slots=True, kw_only=True)
-class SeatRecord:
-    """What was counted of one seat. A number that is not 0 is shown when the match ends."""
-
-    late: int = 0
-    """Turns without an answer in time; of a tick that the ending cut off, nothing is counted."""
-    unreadable: int = 0
-    """Turns with an answer that was not one legal action per unit."""
-    stale: int = 0
-    """Messages that the match has no use for: orders for a tick that was not asked, or others than those that count; ignored.
-
-    The answer to a turn that was ruled late is none when it comes, and neither is a copy of what was taken.
-    """
-    garbled: int = 0
-    """Messages of the seat's holder that were none; ignored."""
-    forged: int = 0
-    """Messages on the seat's key that another made than who held it, now or before; ignored, and not the holder's doing."""
-    vanished: int = 0
-    """Times that the process or its link was gone; one that is slow is late."""
-    latencies_s: list[float] = field(default_factory=list)
-
-    def faults(self) -> dict[str, int]:
-        """Return the counts."""
-        return {name: getattr(self, name) for name in ("late", "unreadable", "stale", "garbled", "forged", "vanished")}
 
 
 _NO_MARK = Mark(0)
@@ -187,7 +162,7 @@ class Match:
             for other in self._seats.values():
                 other.clock.renew_grace()
             return self._ask_all(now_s)
-        return [] if seat.has_answered else [self._ask(seat)]
+        return [] if seat.has_answered else [self._ask(seat, is_new=False)]
 
     def catch_up(self, team: Team, n_ticks: int, now_s: float) -> list[Effect]:
         """A seat is there, and sees `n_ticks` of its history: the match waits until it is ready, or its time for that is over."""
@@ -221,6 +196,12 @@ class Match:
         seat.record.latencies_s.append(seat.clock.charge(now_s if arrived_s is None else arrived_s))
         seat.has_answered, seat.missed = True, 0
         return self._turn(now_s) if self._is_complete() else []
+
+    def note_sent(self, team: Team, now_s: float) -> None:
+        """A new turn of a seat was sent only now, a moment after it was asked: its clock begins here."""
+        seat = self._seats[team]
+        if self.phase is Phase.PLAYING and seat.clock.is_running and not seat.has_answered:
+            seat.clock.begin_turn(now_s)
 
     def count_stale(self, team: Team) -> None:
         """Count a readable message of a seat that the match has no use for."""
@@ -327,12 +308,12 @@ class Match:
             seat.has_answered = False
             seat.clock.begin_turn(now_s)
             if seat.clock.is_running:
-                effects.append(self._ask(seat))
+                effects.append(self._ask(seat, is_new=True))
         effects.append(Publish())
         return effects
 
-    def _ask(self, seat: _Seat) -> Ask:
-        return Ask(seat.team, len(self._past), seat.shown[-1], seat.clock.charged_us)
+    def _ask(self, seat: _Seat, *, is_new: bool) -> Ask:
+        return Ask(seat.team, len(self._past), seat.shown[-1], seat.clock.charged_us, is_new)
 
     def _forfeit(self, losers: Iterable[Team], why: str) -> list[Effect]:
         teams = list(losers)

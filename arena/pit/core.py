@@ -22,6 +22,8 @@ from arena.pit.authenticator import Authenticator
 from arena.pit.effects import Drop, Effect, Reply, SaveRegister
 from arena.pit.events import (
     ActionReceived,
+    ActionsTaken,
+    BundleReceived,
     Event,
     JoinAsked,
     JournalAsked,
@@ -46,6 +48,8 @@ from arena.protocol.messages import AdminRequest, ChallengeRequest, JoinRequest,
 
 _SHARE = 0.3
 """Of the time that goes to requests for seats, while matches run."""
+_MORE_MAY_FOLLOW = (ActionReceived, BundleReceived)
+"""What is gathered for clients is not sent after these."""
 _MOST_LAST_REPLIES = 16
 """Pieces of journals that are sent before the pit closes."""
 MOST_LISTED = 150
@@ -75,6 +79,8 @@ class PitCore:
         """Requests that did not open, or were not signed by whom they name."""
         self._handlers: dict[type[Event], Callable[[Any, float], list[Effect]]] = {
             ActionReceived: self._matches.receive,
+            BundleReceived: self._matches.receive_bundle,
+            ActionsTaken: lambda event, now_s: [],
             JoinAsked: self._on_join,
             LobbyAsked: self._on_lobby,
             JournalAsked: self._on_journal,
@@ -98,7 +104,14 @@ class PitCore:
             The time by one clock that never goes back.
         """
         effects = self._handlers[type(event)](event, now_s)
+        if self._matches.bundles.wait and type(event) not in _MORE_MAY_FOLLOW:
+            effects = [*effects, *self._matches.bundles.take(now_s)]
         return [SaveRegister(), *effects] if self._register.is_changed else effects
+
+    @property
+    def holds_bundles(self) -> bool:
+        """Whether something was gathered for clients, and waits for the next event that is no action."""
+        return self._matches.bundles.wait
 
     @property
     def may_open_request(self) -> bool:

@@ -46,6 +46,20 @@ class ActionReceived(NamedTuple):
     """When it may have arrived at the earliest, if it lay in the queue while something else was done."""
 
 
+class BundleReceived(NamedTuple):
+    """A message on the action key of a lane of bundles, from whomever."""
+
+    lane: int
+    payload: bytes
+    arrived_s: float | None = None
+    """As of an action."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActionsTaken:
+    """No more actions wait, or enough were handed in for now: what was gathered for clients is sent."""
+
+
 @dataclass(frozen=True, slots=True)
 class PresenceChanged:
     """A client process came, or is gone; anybody can claim either."""
@@ -107,6 +121,8 @@ Event = (
     | LobbyAsked
     | JournalAsked
     | ActionReceived
+    | BundleReceived
+    | ActionsTaken
     | PresenceChanged
     | TimePassed
     | RequestTurn

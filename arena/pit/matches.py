@@ -6,20 +6,22 @@ from collections import OrderedDict
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from arena.errors import JournalError
+from arena.errors import JournalError, ProtocolError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.pit.archive import MOST_KEPT, Archive
+from arena.pit.bundles import Bundles
 from arena.pit.effects import CloseMatch, Effect, MatchEnded, OpenMatch, ReplyWithJournal
-from arena.pit.events import ActionReceived, JournalAsked, UnfinishedFound
+from arena.pit.events import ActionReceived, BundleReceived, JournalAsked, UnfinishedFound
 from arena.pit.lanes import Lanes
 from arena.pit.match_session import MatchSession, PitContext
 from arena.pit.rationed_queue import RationedQueue
 from arena.pit.register import Register
 from arena.pit.seating import Pairing, Seating
 from arena.pit.seats import Client, Seat, SeatBook, SlotId
+from arena.protocol.bundles import read_bundle, read_seat_number
 from arena.protocol.handshake import Caller, new_secret
 from arena.protocol.messages import JoinRequest, Signed, Ticket
 from arena.protocol.sealing import Opener
@@ -51,7 +53,10 @@ class Matches:
     ) -> None:
         self._context, self._ruleset, self._time_control = context, ruleset, time_control
         self._seating, self._register = seating, register
-        self._lanes = Lanes(first=_LANES_APART * new_secret()[0])
+        first_lane = _LANES_APART * new_secret()[0]
+        self._lanes = Lanes(first=first_lane)
+        self.bundles = Bundles(Lanes(first=first_lane))
+        """Whose lanes are set apart from those of matches by their keys."""
         self._by_lane: dict[int, MatchSession] = {}
         """Those that run, and those that wait for their receipts."""
         self._former_openers: dict[int, dict[Team, tuple[Opener, ...]]] = {}
@@ -115,8 +120,28 @@ class Matches:
         effects = session.receive_receipt(team, payload)
         return effects + self._close(session.id, now_s) if session.has_receipts else effects
 
+    def receive_bundle(self, event: BundleReceived, now_s: float) -> list[Effect]:
+        """Take messages of seats of one client; what is no bundle of its, or of another's seat, counts for nothing."""
+        bundles = self.bundles.at(event.lane)
+        if bundles is None:
+            return []
+        try:
+            messages = read_bundle(event.payload)
+        except ProtocolError:
+            return []
+        effects: list[Effect] = []
+        for number, message in messages:
+            lane, team = read_seat_number(number)
+            session = self._by_lane.get(lane)
+            if session is not None and session.seats[team].bundles is bundles:
+                effects += self.receive(ActionReceived(lane, team, message, event.arrived_s), now_s)
+        return effects
+
     def advance(self, now_s: float) -> list[Effect]:
         """Let time pass."""
+        self.bundles.advance(
+            now_s, lambda: {seat.bundles for session in self._by_lane.values() for seat in session.seats.values()}
+        )
         effects: list[Effect] = []
         for session in list(self._running.values()):
             effects += self._settle(session, session.advance(now_s), now_s)
@@ -167,7 +192,9 @@ class Matches:
     def issue_ticket(self, seat: Seat, slot: SlotId, caller: Caller) -> Ticket:
         """Give a seat of a running match to who asks for it, under new keys."""
         self._seats.take(seat, slot)
-        return self._running[seat.match].issue_ticket(seat.team, caller)
+        request = caller.request
+        bundles = self.bundles.find(request) if isinstance(request, JoinRequest) else None
+        return self._running[seat.match].issue_ticket(seat.team, caller, bundles)
 
     def seats_of(self, entry: bytes | None, name: str) -> list[Seat]:
         """Return the seats of running matches that belong to a public key, or to a name."""

@@ -32,9 +32,12 @@ from arena.pit.effects import (
     ReplyWithJournal,
     SaveRegister,
     Send,
+    SendBundle,
 )
 from arena.pit.events import (
     ActionReceived,
+    ActionsTaken,
+    BundleReceived,
     Event,
     JoinAsked,
     JournalAsked,
@@ -56,6 +59,10 @@ from arena.protocol import topics
 MOST_WAITING = 10_000
 """Messages in a queue; what comes beyond is dropped, and asked for again."""
 _MOST_JUNK = 256  # messages beyond two of each match that are handed in before something else is done
+_MOST_AT_ONCE = 32
+"""Actions that are handed in before what was gathered for clients is sent."""
+_LEAST_MESSAGE_BYTES = 92
+"""Of orders in a bundle."""
 _SWEEP_S = 0.01
 _IN_MATCH: dict[type[Effect], Callable[[MatchChannels, Any], None]] = {
     Append: MatchChannels.append,
@@ -90,6 +97,7 @@ class Referee:
         self._question_ids = count()
         self._channels: dict[str, MatchChannels] = {}
         self._lanes: dict[int, list[Put]] = {}
+        self._bundle_lanes: dict[int, Put] = {}
         self._is_stopping, self._has_failed = False, False
         self.n_dropped = 0
         self._empty_at_s = 0.0
@@ -101,6 +109,7 @@ class Referee:
             CloseMatch: lambda effect: self._channels.pop(effect.match).close(),
             Reply: lambda effect: self._questions.pop(effect.question).answer(effect.payload),
             Drop: lambda effect: self._questions.pop(effect.question).drop(),
+            SendBundle: self._send_bundle,
             ReplyWithJournal: self._reply_with_journal,
             SaveRegister: lambda effect: self._register.save(),
             MatchEnded: on_end,
@@ -155,7 +164,7 @@ class Referee:
         """Referee until `until()`, asked every hundredth of a second, or until `stop`."""
         next_sweep_s = 0.0
         while not self._is_stopping:
-            if not self._take_actions(1):
+            if not self._take_actions(_MOST_AT_ONCE):
                 sample = self._actions.wait()  # at the latest when the session's own beat comes
                 self._empty_at_s = time.monotonic()
                 self._take_action(sample, None)
@@ -222,12 +231,18 @@ class Referee:
             raise
         return effects
 
-    def _take_action(self, sample: Sample, arrived_s: float | None) -> None:
+    def _take_action(self, sample: Sample, arrived_s: float | None) -> int:
+        """Hand in an action, or several in a bundle; return about how many."""
         try:
             lane, team = topics.read_action(read_key(sample))
         except UnreadableError:
-            return  # as of every beat
-        self._hand_in(ActionReceived(lane, team, read_payload(sample), arrived_s))
+            return 1  # as of every beat
+        payload = read_payload(sample)
+        if team is not None:
+            self._hand_in(ActionReceived(lane, team, payload, arrived_s))
+            return 1
+        self._hand_in(BundleReceived(lane, payload, arrived_s))
+        return 1 + len(payload) // _LEAST_MESSAGE_BYTES
 
     def _take_actions(self, most: int | None = None) -> bool:
         """Hand in the actions that have come, and return whether any had.
@@ -235,13 +250,21 @@ class Referee:
         Not the answers to what follows, or it would never end where all are quick. They came while this thread did something
         else, which no seat is charged for: their clocks stop when the queue was seen empty last, or when this thread left it.
         """
-        for number in range(most or 2 * self._core.n_running + _MOST_JUNK):
-            sample = self._actions.take()
-            if sample is None:
-                self._empty_at_s = time.monotonic()
-                return number > 0
-            self._take_action(sample, max(self._empty_at_s, self._left_at_s))
-        return True
+        n_taken, n_since_sent, most = 0, 0, most or 2 * self._core.n_running + _MOST_JUNK
+        while n_taken < most and (sample := self._actions.take()) is not None:
+            n_actions = self._take_action(sample, max(self._empty_at_s, self._left_at_s))
+            n_taken, n_since_sent = n_taken + n_actions, n_since_sent + n_actions
+            if n_since_sent >= _MOST_AT_ONCE:
+                n_since_sent = 0
+                self._send_bundles()
+        if n_taken < most:
+            self._empty_at_s = time.monotonic()
+        self._send_bundles()
+        return n_taken > 0
+
+    def _send_bundles(self) -> None:
+        if self._core.holds_bundles:
+            self._hand_in(ActionsTaken())
 
     def _open_requests(self) -> None:
         while self._core.may_open_request:
@@ -268,6 +291,13 @@ class Referee:
         self._channels[effect.match] = MatchChannels(
             self._session, self._pit, journal, effect.match, puts, self._is_delayed_public
         )
+
+    def _send_bundle(self, effect: SendBundle) -> None:
+        put = self._bundle_lanes.get(effect.lane)
+        if put is None:
+            put, _ = self._session.publisher(topics.observation(self._pit, effect.lane, None))
+            self._bundle_lanes[effect.lane] = put
+        put(effect.payload)
 
     def _refill_journals(self) -> None:
         """Tell the core how many matches can begin, whenever that changes by more than the matches that began."""

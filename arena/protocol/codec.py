@@ -94,7 +94,9 @@ def _fits(value: Any, hint: Any) -> bool:
         return True
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is list:
-        return type(value) is list and all(_fits(item, arguments[0]) for item in value)
+        if type(value) is not list:
+            return False
+        return set(map(type, value)) <= {arguments[0]} or all(_fits(item, arguments[0]) for item in value)
     if origin is dict:
         return type(value) is dict and all(_fits(key, arguments[0]) and _fits(item, arguments[1]) for key, item in value.items())
     if arguments:  # a union
