@@ -32,7 +32,7 @@ MOST_WAITING = 2_000
 """Messages in the queue."""
 TICK_S = 0.25
 """Between two looks at the connection and the clock."""
-MOST_HELD_S = 0.001
+MOST_HELD_S = 0.002
 """How long an answer waits for others that go in the same bundle: where policies take their time, none waits for another's."""
 
 

@@ -25,6 +25,7 @@ class JournalFile:
 
     def __init__(self, path: Path, n_bytes: int, *, fsync: bool) -> None:
         self._path, self._name, self._fsync = path, path, fsync
+        self._is_to_be_named = False
         try:
             self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
             os.ftruncate(self._descriptor, n_bytes)
@@ -33,7 +34,7 @@ class JournalFile:
 
     def rename_when_written(self, name: Path) -> None:
         """Take another name with the first bytes that are appended; without any, `close` removes the file."""
-        self._name = name
+        self._name, self._is_to_be_named = name, True
 
     def append(self, data: bytes) -> None:
         """Hand bytes to the system, all or nothing."""
@@ -41,9 +42,9 @@ class JournalFile:
             n_written = os.write(self._descriptor, data)
             if self._fsync:
                 os.fdatasync(self._descriptor)
-            if self._name != self._path and n_written == len(data):
+            if self._is_to_be_named and n_written == len(data):
                 keep_former(self._name)
-                self._path = self._path.rename(self._name)
+                self._path, self._is_to_be_named = self._path.rename(self._name), False
         except OSError as error:
             raise _failure(error) from error
         if n_written != len(data):
@@ -52,7 +53,7 @@ class JournalFile:
     def close(self) -> None:
         """Close the file as it stands."""
         os.close(self._descriptor)
-        if self._name != self._path:
+        if self._is_to_be_named:
             self._path.unlink(missing_ok=True)
 
 

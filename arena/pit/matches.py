@@ -111,14 +111,8 @@ class Matches:
 
     def receive(self, event: ActionReceived, now_s: float) -> list[Effect]:
         """Take a message on a seat's key."""
-        lane, team, payload, arrived_s = event
-        session = self._by_lane.get(lane)
-        if session is None:
-            return []
-        if session.ending is None:
-            return self._settle(session, session.receive(team, payload, now_s, arrived_s), now_s)
-        effects = session.receive_receipt(team, payload)
-        return effects + self._close(session.id, now_s) if session.has_receipts else effects
+        session = self._by_lane.get(event.lane)
+        return [] if session is None else self._receive(session, event.team, event.payload, now_s, event.arrived_s)
 
     def receive_bundle(self, event: BundleReceived, now_s: float) -> list[Effect]:
         """Take messages of seats of one client; what is no bundle of its, or of another's seat, counts for nothing."""
@@ -134,8 +128,14 @@ class Matches:
             lane, team = read_seat_number(number)
             session = self._by_lane.get(lane)
             if session is not None and session.seats[team].bundles is bundles:
-                effects += self.receive(ActionReceived(lane, team, message, event.arrived_s), now_s)
+                effects += self._receive(session, team, message, now_s, event.arrived_s)
         return effects
+
+    def _receive(self, session: MatchSession, team: Team, payload: bytes, now_s: float, arrived_s: float | None) -> list[Effect]:
+        if session.ending is None:
+            return self._settle(session, session.receive(team, payload, now_s, arrived_s), now_s)
+        effects = session.receive_receipt(team, payload)
+        return effects + self._close(session.id, now_s) if session.has_receipts else effects
 
     def advance(self, now_s: float) -> list[Effect]:
         """Let time pass."""

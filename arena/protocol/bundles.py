@@ -13,6 +13,7 @@ MOST_MESSAGES = 256
 """In a bundle."""
 _MOST_BUNDLED_BYTES = MOST_BYTES - 4_000
 """Of all messages of a bundle; the longest there is, a piece of a history, fits by itself."""
+_TEAMS = tuple(Team)
 _EXTRA_BYTES = 10
 """What a message needs in a bundle beside its own bytes, at most: its seat's number, and its length."""
 
@@ -24,7 +25,7 @@ def seat_number(lane: int, team: Team) -> int:
 
 def read_seat_number(number: int) -> tuple[int, Team]:
     """Return the lane and the team of a seat in a bundle."""
-    return number >> 1, Team(number & 1)
+    return number >> 1, _TEAMS[number & 1]
 
 
 def read_bundle(data: bytes) -> list[tuple[int, bytes]]:
