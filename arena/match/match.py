@@ -183,7 +183,7 @@ class Match:
             for other in self._seats.values():
                 other.clock.renew_grace()
             return self._ask_all(now_s)
-        return [] if seat.has_answered else [self._ask(seat)]
+        return [] if seat.has_answered else [self._ask(seat, is_new=False)]
 
     def catch_up(self, team: Team, n_ticks: int, now_s: float) -> list[Effect]:
         """A seat is there, and sees `n_ticks` of its history: the match waits until it is ready, or its time for that is over."""
@@ -217,6 +217,12 @@ class Match:
         seat.record.latencies_s.append(seat.clock.charge(now_s if arrived_s is None else arrived_s))
         seat.has_answered, seat.missed = True, 0
         return self._turn(now_s) if self._is_complete() else []
+
+    def note_sent(self, team: Team, now_s: float) -> None:
+        """A new turn of a seat was sent only now, a moment after it was asked: its clock begins here."""
+        seat = self._seats[team]
+        if self.phase is Phase.PLAYING and seat.clock.is_running and not seat.has_answered:
+            seat.clock.begin_turn(now_s)
 
     def count_stale(self, team: Team) -> None:
         """Count a readable message of a seat that the match has no use for."""
@@ -327,12 +333,12 @@ class Match:
             seat.has_answered = False
             seat.clock.begin_turn(now_s)
             if seat.clock.is_running:
-                effects.append(self._ask(seat))
+                effects.append(self._ask(seat, is_new=True))
         effects.append(Publish())
         return effects
 
-    def _ask(self, seat: _Seat) -> Ask:
-        return Ask(seat.team, len(self._past), seat.shown, seat.clock.charged_us)
+    def _ask(self, seat: _Seat, *, is_new: bool) -> Ask:
+        return Ask(seat.team, len(self._past), seat.shown, seat.clock.charged_us, is_new)
 
     def _forfeit(self, losers: Iterable[Team], why: str) -> list[Effect]:
         teams = list(losers)

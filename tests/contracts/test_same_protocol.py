@@ -162,7 +162,7 @@ def test_the_keys_of_the_network_are_those_of_before(same: Same) -> None:
         all_delayed,
     )
     readers = (read_action, read_match, read_journal, read_presence)
-    told = [topic("pit", 7, team) for topic in seat_topics for team in Team]
+    told = [topic("pit", 7, team) for topic in seat_topics for team in (*Team, None)]
     told += [topic("pit", MATCH) for topic in match_topics]
     told += [topic("pit") for topic in pit_topics]
     told += [presence("pit", "ann", "c-1")]
