@@ -26,15 +26,17 @@ class BundleLane:
         self._filled = filled
         self._writer = BundleWriter()
         self._begun: list[tuple[Match, Team]] = []
+        self._is_filled = False
 
     def add(self, seat: int, message: bytes) -> None:
         """Have a sealed message of a seat sent with the others."""
-        if not self._writer:
+        if not self._is_filled:
+            self._is_filled = True
             self._filled.append(self)
         self._writer.add(seat, message)
 
     def begin_clock(self, match: Match, team: Team) -> None:
-        """Let the clock of a turn that was added begin when it is sent."""
+        """Let the clock of a turn that is added begin when it is sent."""
         self._begun.append((match, team))
 
     def take(self, now_s: float) -> list[SendBundle]:
@@ -42,6 +44,7 @@ class BundleLane:
         for match, team in self._begun:
             match.note_sent(team, now_s)
         self._begun.clear()
+        self._is_filled = False
         return [SendBundle(self.number, data) for data in self._writer.take()]
 
 

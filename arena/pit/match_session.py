@@ -274,9 +274,12 @@ class MatchSession:
         if seat.sent[0] != ask.tick:
             turn = Turn(tick=ask.tick, observation=ask.observation, charged_us=ask.charged_us)
             seat.sent = ask.tick, seat.sealer.close(encode(turn), ask.tick)
-        if ask.is_new and seat.bundles is not None:
+        if seat.bundles is None:
+            return [Send(self.id, ask.team, seat.sent[1])]
+        if ask.is_new:
             seat.bundles.begin_clock(self.match, ask.team)
-        return self._send_sealed(ask.team, seat.sent[1])
+        seat.bundles.add(seat_number(self.lane, ask.team), seat.sent[1])
+        return []
 
     def _welcome(self, team: Team, known: int, now_s: float) -> list[Effect]:
         """A seat is there and has `known` observations: ask it, or send it those that it lacks, once a ticket."""
@@ -309,14 +312,13 @@ class MatchSession:
         ]
 
     def _send(self, team: Team, message: Message) -> list[Effect]:
-        sealer = self.seats[team].sealer
-        return [] if sealer is None else self._send_sealed(team, sealer.close(encode(message), self.match.tick))
-
-    def _send_sealed(self, team: Team, sealed: bytes) -> list[Effect]:
-        bundles = self.seats[team].bundles
-        if bundles is None:
+        seat = self.seats[team]
+        if seat.sealer is None:
+            return []
+        sealed = seat.sealer.close(encode(message), self.match.tick)
+        if seat.bundles is None:
             return [Send(self.id, team, sealed)]
-        bundles.add(seat_number(self.lane, team), sealed)
+        seat.bundles.add(seat_number(self.lane, team), sealed)
         return []
 
     def _end(self, result: MatchResult) -> list[Effect]:
