@@ -125,7 +125,7 @@ def test_many_journals_have_no_more_files_open_than_few(tmp_path: Path) -> None:
     assert len(list(Path("/dev/fd").iterdir())) == before
 
 
-def test_journals_are_written_on_while_the_process_can_open_no_more_files(
+def test_journals_are_written_on_while_no_more_files_can_be_opened(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     among = OpenJournals(most=3)
