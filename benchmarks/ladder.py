@@ -20,8 +20,7 @@ from arena.game.ruleset import load as load_rules
 from arena.game.types import Termination
 from arena.local.venue import play
 from arena.match.time_control import TimeControl
-from arena.network.address import Address
-from arena.network.session import free_port
+from arena.network.address import Address, free_port
 from arena.pit.effects import MatchEnded
 from arena.pit.ladder import Ladder, LadderMatch, Waiting
 from arena.pit.pit import Pit, PitSettings

@@ -18,7 +18,8 @@ from arena.game.engine import warm
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load
 from arena.match.time_control import TimeControl
-from arena.network.session import free_port, open_router
+from arena.network.address import free_port
+from arena.network.session import open_router
 from arena.pit.match_session import PitContext
 from arena.pit.referee import Referee
 from arena.pit.seating import OpenSeating

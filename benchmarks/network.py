@@ -26,7 +26,8 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Team
 from arena.match.time_control import TimeControl
-from arena.network.session import free_port, open_router
+from arena.network.address import free_port
+from arena.network.session import open_router
 from arena.pit.effects import MatchEnded
 from arena.pit.match_session import PitContext
 from arena.pit.referee import Referee

@@ -16,7 +16,7 @@ from typing import Any
 
 from arena.errors import ArenaError
 from arena.jit import cache_root
-from arena.network.session import free_port
+from arena.network.address import free_port
 from benchmarks.measuring.faults import Court, Kind, Target, fill, kill, small_disk, stop
 from benchmarks.measuring.postgres import Cluster, open_cluster
 from benchmarks.measuring.pulse import Pulse

@@ -10,6 +10,7 @@ from clients.commands.admin import admin
 from clients.commands.doctor import doctor
 from clients.commands.export import export_match
 from clients.commands.join import join
+from clients.commands.relay import relay
 from clients.commands.submit import submit
 from clients.commands.watch import watch
 from policies.cli import policies
@@ -44,6 +45,7 @@ COMMANDS: dict[str, Command] = {
     "new": new,
     "play": play,
     "policies": policies,
+    "relay": relay,
     "replay": replay,
     "restore": restore,
     "rules": rules,

@@ -19,7 +19,7 @@ replay = typer.Typer(no_args_is_help=True, help="Look at journals, or check them
 
 @replay.command("verify")
 def verify_journals(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER...", help="Journals, or folders of them.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER...", help="Journals, or folders or bundles of them.")],
     pit: Annotated[
         str, typer.Option(metavar="KEY|ADDRESS", help="The pit that must have signed: its key, or arena:// address.")
     ] = "",
@@ -154,6 +154,21 @@ def _format_signatures(seals: dict[str, Any] | None) -> str:
     parts = {"pit": seals["pit"], **seals["receipts"]}
     bad = [f"{who} {standing}" for who, standing in parts.items() if standing != "holds"]
     return ", ".join(bad) if bad else "by pit, blue and red"
+
+
+@replay.command("list")
+def list_journals(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER...", help="Folders of journals, or bundles of them.")],
+    as_json: AsJson = False,
+) -> None:
+    """Print the path of every journal, a line each; one in a bundle has a path like a file, which every command takes."""
+    from arena.records.journal_folder import find_journals
+
+    paths = [str(path) for path in find_journals(files)]
+    if as_json:
+        print_json(paths)
+    else:
+        say(*paths)
 
 
 @replay.command("show")

@@ -17,7 +17,7 @@ from arena.records.journal_bundle import BundleWriter
 if TYPE_CHECKING:
     from arena.local.venue import MatchRecord
 
-MOST_FILES = 1_000
+MOST_FILES = 600
 """Matches of one call that have a file each, for whoever looks at one. Of more, files would cost more than the matches: their
 journals go into bundles."""
 _RECORDS_PER_WRITE, _MOST_UNWRITTEN = 64, 1024

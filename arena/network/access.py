@@ -69,22 +69,28 @@ _EVERYTHING = [
 ]  # fmt: skip
 
 
-def access_rules(pit: str, *, has_workers: bool = False) -> dict[str, Any]:
-    """Return the rules for whoever connects: what is not allowed here is denied. Workers may do anything.
+def access_rules(pit: str, *, for_players: bool = True, has_workers: bool = False) -> dict[str, Any]:
+    """Return the rules for whoever connects, to play or only to watch: what is not allowed here is denied.
 
-    A key expression is allowed where a rule's includes all of it, so `**` is refused as a whole. What leaves the router must be
-    allowed too: a client sends nothing until it knows that somebody subscribes to its publisher's key.
+    Workers may do anything. A key expression is allowed where a rule's includes all of it, so `**` is refused as a whole. What
+    leaves the router must be allowed too: a client sends nothing until it knows that somebody subscribes to its publisher's key.
     """
-    queried = [topics.join(pit), topics.lobby(pit), topics.submissions(pit), topics.all_journals(pit)]
-    published = [topics.all_observations(pit), topics.all_public(pit), topics.all_truths(pit), topics.all_delayed(pit)]
-    allowed = {
+    queried = [topics.join(pit), topics.lobby(pit), topics.all_journals(pit)]
+    published = [topics.all_public(pit), topics.all_truths(pit), topics.all_delayed(pit)]
+    allowed = {}
+    if for_players:
+        queried.append(topics.submissions(pit))
+        published.append(topics.all_observations(pit))
+        allowed = {
+            "publish orders": ("ingress", ["put"], [topics.all_actions(pit)]),
+            "learn of subscribers": ("egress", ["declare_subscriber"], [topics.all_actions(pit)]),
+            "declare presence": ("ingress", ["liveliness_token"], [topics.all_presence(pit)]),
+        }
+    allowed |= {
         "query": ("ingress", ["query"], queried),
         "receive replies": ("egress", ["declare_queryable", "reply"], queried),
-        "publish orders": ("ingress", ["put"], [topics.all_actions(pit)]),
-        "learn of subscribers": ("egress", ["declare_subscriber"], [topics.all_actions(pit)]),
         "subscribe": ("ingress", ["declare_subscriber"], published),
         "receive samples": ("egress", ["put"], published),
-        "declare presence": ("ingress", ["liveliness_token"], [topics.all_presence(pit)]),
     }
     rules: dict[str, Any] = {
         "enabled": True,

@@ -4,6 +4,7 @@ By TLS it is `arena+tls://HOST:PORT/PIT`, and by a Unix socket `arena+unix:///PA
 """
 
 import os
+import socket
 from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import SplitResult, urlsplit
@@ -93,3 +94,10 @@ def check_endpoint(endpoint: str) -> None:
         raise InputError(f"the socket {path!r} needs a path from the root, as in unixsock-stream//tmp/pit.sock")
     if not Path(path).parent.is_dir():
         raise InputError(f"the folder of the socket {path} does not exist; make it first")
+
+
+def free_port() -> int:
+    """Return a TCP port of loopback that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

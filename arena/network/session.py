@@ -4,7 +4,6 @@ No other module of ours imports `zenoh`. Why each setting is what it is stands b
 """
 
 import json
-import socket
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -133,6 +132,10 @@ class Session:
         # BLOCK: the default, DROP, lost turns under load. Express: a turn is not kept back to fill a batch.
         return self._session.declare_publisher(key, congestion_control=congestion, express=True)
 
+    def spread(self, key: str, payload: bytes) -> None:
+        """Publish once on a key that has no publisher, to whoever reads; nobody is waited for."""
+        self._session.put(key, payload, congestion_control=zenoh.CongestionControl.DROP, express=True)
+
     def subscribe(self, key: str, on_sample: Callable[[Sample], None]) -> Callable[[], None]:
         """Call `on_sample` with each sample, on a thread of Zenoh's, so it may only enqueue; return what unsubscribes."""
         return self._session.declare_subscriber(key, Callback(on_sample, indirect=False)).undeclare
@@ -248,22 +251,17 @@ def _bytes(payload: zenoh.ZBytes) -> bytes:
     return payload.to_bytes() if len(payload) <= MOST_BYTES else b""
 
 
-def free_port() -> int:
-    """Return a TCP port of loopback that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def open_router(endpoint: str, pit: str, certificate: Certificate | None = None, workers_endpoint: str = "") -> Session:
+def open_router(
+    endpoint: str, pit: str, certificate: Certificate | None = None, *, for_players: bool = True, workers_endpoint: str = ""
+) -> Session:
     """Listen at an endpoint such as tcp/127.0.0.1:7447, as the router that clients connect to.
 
     Parameters
     ----------
     endpoint
         One that begins with tls/ or quic/ needs a certificate, and no other takes one.
-    pit
-        Clients may do what a player of this pit does, and nothing else. The session that is returned may do anything.
+    pit, for_players
+        Clients may do what a player of this pit does, or else a spectator, no more. The session that is returned may do all.
     workers_endpoint
         Where workers of the pit connect, who may do anything as well; by `WORKERS_PROTOCOL`, in a folder of the pit's own.
     """
@@ -281,7 +279,7 @@ def open_router(endpoint: str, pit: str, certificate: Certificate | None = None,
         "transport/unicast/accept_pending": capacity.pending,
         "transport/unicast/accept_timeout": _ACCEPT_TIMEOUT_MS,
         "transport/link/rx/max_message_size": _MOST_WIRE_BYTES,
-        "access_control": access_rules(pit, has_workers=bool(workers_endpoint)),
+        "access_control": access_rules(pit, for_players=for_players, has_workers=bool(workers_endpoint)),
     }
     if _is_encrypted(endpoint) != (certificate is not None):
         raise InputError(f"cannot listen at {endpoint}: tls/ needs a certificate and its key, and tcp/ takes none")

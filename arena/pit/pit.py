@@ -95,7 +95,9 @@ class Pit:
         with (
             _alone_in(settings.journals),
             _workers_endpoint(settings.n_workers) as workers_endpoint,
-            open_router(settings.address.endpoint, settings.address.pit, settings.certificate, workers_endpoint) as session,
+            open_router(
+                settings.address.endpoint, settings.address.pit, settings.certificate, workers_endpoint=workers_endpoint
+            ) as session,
         ):
             counted = self._catch_up()
             self._numbers = count(

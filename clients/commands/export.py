@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from arena.records.journal import Journal
     from arena.records.transcript import Transcript
 
-_FORMS = ("gif", "png", "html")
+_FORMS = ("gif", "png", "html", "journal")
 
 
 def export_match(
@@ -22,6 +22,9 @@ def export_match(
     as_gif: Annotated[bool, typer.Option("--gif", help="Every tick, moving.")] = False,
     as_png: Annotated[bool, typer.Option("--png", help="One tick.")] = False,
     as_html: Annotated[bool, typer.Option("--html", help="The web page's replay as one file, for any browser.")] = False,
+    as_journal: Annotated[
+        bool, typer.Option("--journal", help="The journal itself as a file of its own, where a bundle holds it.")
+    ] = False,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Where to, and by its suffix what; without it here, named like the match."),
@@ -35,22 +38,30 @@ def export_match(
 
     Of a journal, a team's view at the left and the truth at the right, with the fights marked; of a transcript, what its seat saw
     and remembered. An HTML file has all views, its controls, and what the bot of a transcript noted.
+
+    Or take a journal out of the bundle that a large local league keeps many in: FILE is its folder and its name, as
+    `arena replay list` prints them.
     """
     from arena.compiling import compile_rules
     from arena.display.team_option import read_team
     from arena.records.journal import Journal
     from arena.records.recording import load_recording
 
-    form = _choose_form(out, gif=as_gif, png=as_png, html=as_html)
+    form = _choose_form(out, gif=as_gif, png=as_png, html=as_html, journal=as_journal)
     if form != "png" and tick is not None:
         raise InputError(f"--tick is for --png; --{form} shows every tick")
     view = read_team(team, file)
-    if form == "html" and team is not None:
-        raise InputError("--team is for pictures; --html shows both views")
+    if form in ("html", "journal") and team is not None:
+        raise InputError(f"--team is for pictures; --{form} has both views")
     recording = load_recording(file)
+    target = out or Path(file.with_suffix(f".{form}").name)
+    if form == "journal":
+        if not isinstance(recording, Journal):
+            raise InputError(f"{file} is a transcript, and --journal is for journals")
+        say(f"{target}: {quantity(len(recording.ticks), 'tick')}, {_write_journal(file, target):,} bytes")
+        return
     if isinstance(recording, Journal):  # which is played again
         compile_rules()
-    target = out or Path(file.with_suffix(f".{form}").name)
     n_ticks = _write_page(file, target) if form == "html" else _draw(recording, target, form, tick, view, cell, speed)
     say(f"{target}: {quantity(n_ticks, 'tick')}, {target.stat().st_size / 1000:,.0f} kB")
 
@@ -60,8 +71,22 @@ def _choose_form(out: Path | None, **flags: bool) -> str:
     if not chosen and out is not None and out.suffix[1:] in _FORMS:
         chosen = [out.suffix[1:]]
     if len(chosen) != 1:
-        raise InputError("say one of --gif, for every tick, --png, for one, and --html, for a page")
+        raise InputError(
+            "say one of --gif, for every tick, --png, for one, --html, for a page, and --journal, for the journal itself"
+        )
     return chosen[0]
+
+
+def _write_journal(file: Path, target: Path) -> int:
+    from arena.records.framing import load
+    from arena.records.journal_folder import read_recorded
+
+    data = load(file, bytes, read_recorded)
+    try:
+        with target.open("xb") as copy:  # over no other journal
+            return copy.write(data)
+    except OSError as error:
+        raise InputError(f"cannot write {target}: {error.strerror}") from error
 
 
 def _write_page(file: Path, target: Path) -> int:

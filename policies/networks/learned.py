@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
 from arena.game.observation import Observations, find_legal_actions
 from arena.game.ruleset import Ruleset
@@ -26,6 +26,8 @@ from policies.settings import read_settings
 
 CHUNK = 128
 """Seats in one pass: as many as keep what lies between the layers in the cores' own memory."""
+_CHUNK_ELSEWHERE = 8192
+"""Seats in one pass on a GPU, which is the faster the more it is given."""
 AS_IT_IS = PlaySettings()
 _SMALLEST_BF16 = 16
 """Seats from which on bf16 pays for its conversions."""
@@ -37,8 +39,18 @@ def limit_threads() -> None:
     torch.set_num_threads(int(given) if given.isdigit() and int(given) > 0 else 1)
 
 
+def device_of(network: nn.Module) -> torch.device:
+    """Return where a network computes."""
+    return next(network.parameters()).device
+
+
+def chunk_on(device: torch.device) -> int:
+    """Return how many seats one pass takes on a device."""
+    return CHUNK if device.type == "cpu" else _CHUNK_ELSEWHERE
+
+
 def _to_act_in_seats(network: Net, n_seats: int) -> Net:
-    return to_act_in(network, precision_of("cpu")) if n_seats >= _SMALLEST_BF16 else network
+    return to_act_in(network, precision_of(device_of(network).type)) if n_seats >= _SMALLEST_BF16 else network
 
 
 @jit()
@@ -114,12 +126,13 @@ class LearnedTeam(BatchPolicy):
 
 
 def infer(network: TeamNetwork, encoded: Encoded, n_walkers: int) -> NDArray[np.float32]:
-    """Return logits, float32, shape (n, units, actions), computed in chunks."""
+    """Return logits, float32, shape (n, units, actions), computed in chunks, on the network's own device."""
+    device = device_of(network)
     arrays = [torch.from_numpy(array) for array in (encoded.planes, encoded.scalars, encoded.cell, encoded.legal)]
     with torch.inference_mode():
-        chunks = zip(*(torch.split(array, CHUNK) for array in arrays), strict=True)
+        chunks = zip(*(torch.split(array.to(device), chunk_on(device)) for array in arrays), strict=True)
         logits = [network(*chunk, n_walkers) for chunk in chunks]
-        return np.asarray(torch.cat(logits).numpy())
+        return np.asarray(torch.cat(logits).cpu().numpy())
 
 
 class LearnedUnits(BatchPolicy):
@@ -162,10 +175,9 @@ class LearnedUnits(BatchPolicy):
 
 def infer_units(network: PaperTeam, views: Tensor, unit: Tensor) -> NDArray[np.float32]:
     """Return logits of views of units, float32, shape (n, actions), computed in chunks, on the network's own device."""
-    device = next(network.parameters()).device
-    size = CHUNK if device.type == "cpu" else max(len(views), 1)
+    device = device_of(network)
     with torch.inference_mode():
-        chunks = zip(torch.split(views.to(device), size), torch.split(unit.to(device), size), strict=True)
+        chunks = zip(*(torch.split(one.to(device), chunk_on(device)) for one in (views, unit)), strict=True)
         return np.asarray(torch.cat([network(*chunk) for chunk in chunks]).cpu().numpy())
 
 

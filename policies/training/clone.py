@@ -4,8 +4,8 @@ Source: Ross, Gordon, Bagnell, "A reduction of imitation learning and structured
 2011). After a while of watching, the learner plays most matches itself, while the script goes on saying what it would have done.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
@@ -16,13 +16,13 @@ from torch.nn import functional
 from arena.game.observation import Observations
 from arena.game.types import Action, Team
 from policies.networks.features import N_PLANES, N_SCALARS
-from policies.networks.learned import CHUNK, choose, infer
+from policies.networks.learned import choose, infer
 from policies.networks.models import TeamNetwork
 from policies.networks.precision import autocast
 from policies.registry import load
 from policies.search.planner import Planner
 from policies.training.ppo import Learner
-from policies.training.rollout import LearnerSeats, Results
+from policies.training.rollout import Actors, LearnerSeats, Results
 
 WATCHING = 0.15
 """Share of the samples in which the script plays all matches."""
@@ -88,6 +88,10 @@ class Lesson:
     """int64, shape (t * s, units): an action of the frame, or what cross entropy ignores where there is nothing to learn."""
 
 
+def _join(lessons: Sequence[Lesson]) -> Lesson:
+    return Lesson(**{one.name: torch.cat([getattr(lesson, one.name) for lesson in lessons]) for one in fields(Lesson)})
+
+
 def as_legal(actions: NDArray[np.int8], legal: NDArray[np.uint8]) -> NDArray[np.int8]:
     """Return actions with those that cannot be done as STAY: what a script orders against a wall it means as staying."""
     is_legal = np.take_along_axis(legal, actions[..., None].astype(np.int64), 2)[..., 0]
@@ -128,14 +132,15 @@ def learn_lesson(learner: Learner, lesson: Lesson, n_walkers: int, rate: float, 
     """Go through a lesson once; return the mean cross entropy, and how often the learner's likeliest action is the script's."""
     for group in learner.optimiser.param_groups:
         group["lr"] = rate
-    sums, norm = torch.zeros(2), 0.0
+    sums, norm = torch.zeros(2, device=learner.device), 0.0
+    whole = [one.to(learner.device) for one in (lesson.planes, lesson.scalars, lesson.cell, lesson.legal, lesson.labels)]
     n_steps = 0
     for rows in learner.minibatches(len(lesson.labels), learner.settings.clone_minibatch, generator):
         learner.optimiser.zero_grad(set_to_none=True)
-        batch = [one[rows] for one in (lesson.planes, lesson.scalars, lesson.cell, lesson.legal, lesson.labels)]
-        for chunk in zip(*(torch.split(one, CHUNK) for one in batch), strict=True):
+        batch = [one[rows.to(learner.device)] for one in whole]
+        for chunk in zip(*(torch.split(one, learner.chunk) for one in batch), strict=True):
             planes, scalars, cell, legal, labels = chunk
-            with autocast("cpu", learner.precision):
+            with autocast(learner.device.type, learner.precision):
                 logits = learner.network(planes, scalars, cell, legal, n_walkers)
             loss = functional.cross_entropy(logits.flatten(0, 1), labels.flatten(), ignore_index=_NO_LABEL)
             share = len(planes) / len(rows)
@@ -145,16 +150,32 @@ def learn_lesson(learner: Learner, lesson: Lesson, n_walkers: int, rate: float, 
             sums += torch.stack([loss.detach(), agreed]) * share
         norm += learner.step()["actor_norm"]
         n_steps += 1
-    loss, agreed = (learner.processes.mean(sums) / n_steps).tolist()
+    loss, agreed = (learner.processes.mean(sums.cpu()) / n_steps).tolist()
     return {"clone_loss": loss, "agreed": agreed, "actor_norm": norm / n_steps}
 
 
 def clone(
-    seats: LearnerSeats, teacher: Teacher, learner: Learner, progress: float, rng: np.random.Generator, generator: torch.Generator
+    actors: Actors,
+    teachers: Sequence[Teacher],
+    learner: Learner,
+    progress: float,
+    rng: np.random.Generator,
+    generator: torch.Generator,
 ) -> tuple[int, dict[str, float]]:
-    """Attend and study one lesson; return its samples, and how it went. `progress` goes from 0 to 1 in the course of cloning."""
+    """Attend and study one lesson; return its samples, and how it went.
+
+    Parameters
+    ----------
+    teachers
+        One for each group of seats.
+    progress
+        From 0 to 1 in the course of cloning.
+    """
     settings = learner.settings
     own = OWN_SEATS if progress > WATCHING else 0.0
-    lesson = collect_lesson(seats, teacher, learner.to_act(), settings.horizon, own, rng)
+    network, rngs = learner.to_act(), rng.spawn(len(teachers))
+    lesson = _join(actors.in_each(
+        lambda group: collect_lesson(actors.groups[group], teachers[group], network, settings.horizon, own, rngs[group])
+    ))  # fmt: skip
     rate = settings.clone_rate * min(1.0, 0.1 + 10 * progress) * max(1 - progress, 0.05)
-    return len(lesson.labels), learn_lesson(learner, lesson, seats.n_walkers, rate, generator)
+    return len(lesson.labels), learn_lesson(learner, lesson, actors.n_walkers, rate, generator)

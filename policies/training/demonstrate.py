@@ -111,18 +111,18 @@ def check(settings: DemonstrationSettings) -> Ruleset:
     for name in settings.opponents:
         if name != SELF:
             load(name)
-    load_student(settings, ruleset)
+    load_student(settings)
     return ruleset
 
 
-def load_student(settings: DemonstrationSettings, ruleset: Ruleset) -> TeamNetwork:
+def load_student(settings: DemonstrationSettings) -> TeamNetwork:
     """Return the student's network; a fresh one where there is none."""
     name = settings.student
     if not name:
         return TeamNetwork(TeamShape())
     if not name.endswith(CHECKPOINT) and name not in shipped():
         raise InputError(f"the student is {name!r}; it must be a checkpoint's file, or one of {', '.join(shipped())}")
-    return read_team_network(shipped().get(name, Path(name)), ruleset, "learn by playing")
+    return read_team_network(shipped().get(name, Path(name)), "learn by playing")
 
 
 class Demonstrator:
@@ -130,7 +130,7 @@ class Demonstrator:
 
     def __init__(self, settings: DemonstrationSettings, process: int, sitting: int) -> None:
         ruleset, n = load_rules(settings.rules), settings.games
-        self._settings, self._network = settings, to_act_in(load_student(settings, ruleset), precision_of("cpu"))
+        self._settings, self._network = settings, to_act_in(load_student(settings), precision_of("cpu"))
         env = BatchedEnv(ruleset, n, seed=settings.seed * 1_000_003 + sitting, first_row=process * n)
         self.seats = LearnerSeats(env, Opponents(ruleset, settings.opponents, process * n, n, self._network))
         self.teacher = Teacher(settings.teacher, self.seats)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.errors import InputError
-from arena.game.ruleset import Ruleset
+from arena.game.ruleset import Ruleset, load
 from policies.networks.checkpoint import write_whole
 from policies.networks.features import FEATURES_VERSION, UPSIDE_DOWN
 
@@ -123,13 +123,21 @@ class DemonstrationFolder:
             raise InputError(f"cannot read {self.path / _MANIFEST}: {error}") from error
         return manifest
 
-    def check(self, ruleset: Ruleset) -> None:
-        """Raise `InputError` if this version cannot learn from the folder under a ruleset."""
+    def check(self) -> Ruleset:
+        """Return the ruleset that the folder is of.
+
+        Raises
+        ------
+        InputError
+            It is of another version, or the rules have changed.
+        """
         manifest = self.read_manifest()
+        ruleset = load(str(manifest.get("settings", {}).get("rules", manifest.get("ruleset"))))
         for name, value in _versions(ruleset).items():
             if manifest.get(name) != value:
                 found = manifest.get(name)
                 raise InputError(f"the demonstrations in {self.path} are of {name} {found}; {value} is wanted here")
+        return ruleset
 
     def files(self) -> list[File]:
         """Return its files, by process and number."""

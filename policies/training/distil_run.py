@@ -6,17 +6,19 @@ iteration: Anthony, Tian, Barber, "Thinking fast and slow with deep learning and
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
 from arena.errors import InputError
+from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from policies.networks.checkpoint import describe, save_checkpoint
@@ -42,6 +44,9 @@ _WARMUP = 50
 """Steps in which the rate rises."""
 _LEAST_RATE = 0.01
 _METRICS = ("loss", "agreed", "value_loss", "norm", "unseen_loss", "unseen_agreed", "unseen_value_loss", "rate")
+Rows = NDArray[np.intp]
+Batch = tuple[Demonstrations, Rows, Ruleset]
+"""Samples, the rows of them that are a minibatch, and the ruleset that they are of."""
 
 
 @dataclass(slots=True)
@@ -90,16 +95,16 @@ class DistilRun:
         )  # fmt: skip
         self.device, self.precision = torch.device(device), precision_of(device)
         self.ruleset = load_rules(settings.rules)
-        self._n_walkers = sum(not unit.flies for unit in self.ruleset.team(Team.BLUE))
-        self._files: list[Path] = []
-        self._unseen: list[Path] = []
+        self._files: list[tuple[Path, Ruleset]] = []
+        self._unseen: list[tuple[Path, Ruleset]] = []
         for path in settings.data:
             data = DemonstrationFolder(Path(path))
-            data.check(self.ruleset)
-            files = data.files()
+            ruleset, files = data.check(), data.files()
             for file in files:
                 is_unseen = file.process == files[0].process and file.number % UNSEEN_EVERY == 1
-                (self._unseen if is_unseen else self._files).append(file.path)
+                (self._unseen if is_unseen else self._files).append((file.path, ruleset))
+        if all(ruleset.hash != self.ruleset.hash for _, ruleset in [*self._files, *self._unseen]):
+            raise InputError(f"there are no demonstrations of ruleset {settings.rules} in {', '.join(settings.data)}")
         if not self._files or not self._unseen:
             raise InputError(
                 f"there are too few demonstrations in {', '.join(settings.data)}; it takes 2 files, one to be judged by"
@@ -167,20 +172,31 @@ class DistilRun:
         order = np.random.default_rng([self.settings.seed, counts.passes]).permutation(len(self._files))
         files = np.array_split(order, self._n_groups)[min(counts.groups, self._n_groups - 1)]
         rng = np.random.default_rng([self.settings.seed, counts.passes, counts.groups])
-        samples = join([read(self._files[index]) for index in files])
-        samples = mirrored(samples, rng.random(len(samples.outcome)) < 0.5)
-        rate, sums, n_steps = 0.0, torch.zeros(4), 0
-        order = rng.permutation(len(samples.outcome))
-        for rows in np.array_split(order, max(round(len(order) / self.settings.minibatch), 1)):
+        rate, sums = 0.0, torch.zeros(4)
+        batches = [batch for part in self._read_mixed(files, rng) for batch in part]
+        for index in rng.permutation(len(batches)):
+            samples, rows, ruleset = batches[index]
             rate = self._set_rate()
-            sums += self._step(samples, np.array_split(rows, self.processes.n)[self.processes.rank])
-            n_steps += 1
-        loss, agreed, value_loss, norm = (self.processes.mean(sums) / n_steps).tolist()
+            sums += self._step(samples, np.array_split(rows, self.processes.n)[self.processes.rank], ruleset)
+        loss, agreed, value_loss, norm = (self.processes.mean(sums) / len(batches)).tolist()
         unseen = self._judge_unseen(rng)
         counts.groups += 1
         if counts.groups >= self._n_groups:
             counts.passes, counts.groups = counts.passes + 1, 0
-        self._note(len(order), dict(zip(_METRICS, (loss, agreed, value_loss, norm, *unseen, rate), strict=True)))
+        self._note(
+            sum(len(rows) for _, rows, _ in batches),
+            dict(zip(_METRICS, (loss, agreed, value_loss, norm, *unseen, rate), strict=True)),
+        )
+
+    def _read_mixed(self, files: Rows, rng: np.random.Generator) -> Iterator[list[Batch]]:
+        """Yield the minibatches of some files, which are of one ruleset each; half of their samples are mirrored."""
+        for wanted in dict.fromkeys(self._files[index][1].hash for index in files):
+            mine = [self._files[index] for index in files if self._files[index][1].hash == wanted]
+            samples = join([read(path) for path, _ in mine])
+            n = len(samples.outcome)
+            samples = mirrored(samples, rng.random(n) < 0.5)
+            parts = np.array_split(rng.permutation(n), max(round(n / self.settings.minibatch), 1))
+            yield [(samples, rows, mine[0][1]) for rows in parts]
 
     def _set_rate(self) -> float:
         done = min(self.progress, 1.0)
@@ -191,13 +207,13 @@ class DistilRun:
             group["lr"] = rate
         return rate
 
-    def _step(self, samples: Demonstrations, rows: np.ndarray[Any, Any]) -> Tensor:
+    def _step(self, samples: Demonstrations, rows: Rows, ruleset: Ruleset) -> Tensor:
         """Take a step, if its gradient is sound; return the mean loss, agreement, error of the value, and the norm."""
         self.optimiser.zero_grad(set_to_none=True)
         sums = torch.zeros(3, device=self.device)
         size = CHUNK if self.device.type == "cpu" else max(len(rows), 1)
         for part in np.array_split(rows, max(math.ceil(len(rows) / size), 1)):
-            loss, metrics = self._loss(self.network, samples, part)
+            loss, metrics = self._loss(self.network, samples, part, ruleset)
             share = len(part) / len(rows)
             (loss * share).backward()  # type: ignore[no-untyped-call]
             sums += metrics * share
@@ -209,13 +225,14 @@ class DistilRun:
                 self.average[name].lerp_(tensor, 1 - self.settings.average)
         return torch.cat([sums.cpu(), torch.tensor([norm])])
 
-    def _loss(self, network: TeamNetwork, samples: Demonstrations, rows: np.ndarray[Any, Any]) -> tuple[Tensor, Tensor]:
+    def _loss(self, network: TeamNetwork, samples: Demonstrations, rows: Rows, ruleset: Ruleset) -> tuple[Tensor, Tensor]:
+        n_walkers = sum(not unit.flies for unit in ruleset.team(Team.BLUE))
         planes, scalars, cell, legal, labels, chances, outcome = (
             torch.from_numpy(column[rows]).to(self.device) for column in samples
         )
         with autocast(self.device.type, self.precision):
             values, board = network.look(planes, scalars)
-            logits = network.decide(values, board, cell.long(), legal, self._n_walkers)
+            logits = network.decide(values, board, cell.long(), legal, n_walkers)
             value = self.judge(board, scalars)
         is_known = (labels >= 0).float()
         sure = functional.one_hot(labels.long().clamp_min(0), logits.shape[-1]).float()
@@ -229,14 +246,15 @@ class DistilRun:
 
     def _judge_unseen(self, rng: np.random.Generator) -> list[float]:
         """Return loss, agreement and error of the value with the averaged weights, on some samples that are not learned from."""
-        samples = read(self._unseen[self.counts.step % len(self._unseen)])
+        path, ruleset = self._unseen[self.counts.step % len(self._unseen)]
+        samples = read(path)
         rows = rng.permutation(len(samples.outcome))[: self.settings.minibatch]
         averaged = TeamNetwork(self.network.shape).to(self.device)
         averaged.load_state_dict(self.average)
         sums = torch.zeros(3, device=self.device)
         with torch.inference_mode():
             for part in np.array_split(rows, math.ceil(len(rows) / CHUNK)):
-                sums += self._loss(channels_last(averaged), samples, part)[1] * (len(part) / len(rows))
+                sums += self._loss(channels_last(averaged), samples, part, ruleset)[1] * (len(part) / len(rows))
         return list(sums.tolist())
 
     def _note(self, n: int, metrics: Mapping[str, float]) -> None:

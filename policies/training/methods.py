@@ -134,8 +134,6 @@ def make_run(config: RunConfig, folder: RunFolder, processes: Processes, report:
         from policies.training.distil_run import DistilRun
 
         return DistilRun(folder, config.settings, config.start, config.budget, processes, report, device)
-    if device != "cpu":
-        raise InputError(f"--device {device} is for the methods reinforce and distil; ppo trains on the CPU")
     from policies.training.ppo_run import PpoRun
 
-    return PpoRun(folder, config.settings, config.start, config.budget, processes, report)
+    return PpoRun(folder, config.settings, config.start, config.budget, processes, report, device)

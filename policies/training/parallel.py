@@ -74,7 +74,7 @@ def join_processes(device: str = "cpu") -> Processes:
     Raises
     ------
     InputError
-        There is no such device.
+        There is no such device, or fewer than processes.
     """
     is_cuda = device.startswith("cuda")
     if is_cuda and not torch.cuda.is_available():
@@ -83,7 +83,10 @@ def join_processes(device: str = "cpu") -> Processes:
     if n == 1:
         return Processes()
     if is_cuda:
-        torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
+        mine, n_devices = int(os.environ.get("LOCAL_RANK", "0")), torch.cuda.device_count()
+        if mine >= n_devices:
+            raise InputError(f"torchrun started process {mine + 1} here, and there are {n_devices} GPUs; each process takes one")
+        torch.cuda.set_device(mine)
     if not dist.is_initialized():
         dist.init_process_group("cpu:gloo,cuda:nccl" if is_cuda else "gloo")
     return Processes(dist.get_rank(), n)

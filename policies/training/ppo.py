@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from policies.networks.features import Encoded
-from policies.networks.learned import CHUNK, infer
+from policies.networks.learned import chunk_on, infer
 from policies.networks.models import Critic, TeamNetwork, channels_last
 from policies.networks.precision import autocast, precision_of, to_act_in
 from policies.training.gradients import bound_gradients
@@ -87,13 +88,22 @@ def estimate(experience: Experience, values: Tensor, schedule: Schedule, setting
 
 
 class Learner:
-    """The network, its critic and its optimiser."""
+    """The network, its critic and its optimiser.
 
-    def __init__(self, network: TeamNetwork, critic: Critic, settings: PpoSettings, processes: Processes) -> None:
-        self.network = channels_last(network)
-        self.critic = channels_last(critic)
+    Parameters
+    ----------
+    device
+        Where they compute, as torch names it; rollouts come from the CPU, and what is told of them goes back there.
+    """
+
+    def __init__(
+        self, network: TeamNetwork, critic: Critic, settings: PpoSettings, processes: Processes, device: str = "cpu"
+    ) -> None:
+        self.device = torch.device(device)
+        self.network = channels_last(network.to(self.device))
+        self.critic = channels_last(critic.to(self.device))
         self.settings, self.processes = settings, processes
-        self.precision = precision_of("cpu")
+        self.precision, self.chunk = precision_of(device), chunk_on(self.device)
         self.scale = ValueScale()
         self.average = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
         """Running average of the weights: what is played and saved."""
@@ -115,17 +125,13 @@ class Learner:
     def values(self, experience: Experience) -> Tensor:
         """Return the critic's values of a rollout, float32, shape (t + 1, s)."""
         n_ticks = len(experience.reward)
-        with torch.inference_mode(), autocast("cpu", self.precision):
+        with torch.inference_mode(), autocast(self.device.type, self.precision):
             rows = []
             for tick in range(n_ticks + 1):
                 planes, scalars = experience.last if tick == n_ticks else (experience.planes[tick], experience.scalars[tick])
-                chunks = zip(
-                    torch.split(planes, CHUNK),
-                    torch.split(experience.truth[tick], CHUNK),
-                    torch.split(scalars, CHUNK),
-                    strict=True,
-                )
-                rows.append(torch.cat([self.critic(*chunk) for chunk in chunks]))
+                parts = [one.to(self.device) for one in (planes, experience.truth[tick], scalars)]
+                chunks = zip(*(torch.split(one, self.chunk) for one in parts), strict=True)
+                rows.append(torch.cat([self.critic(*chunk) for chunk in chunks]).cpu())
             return torch.stack(rows).clone() * self.scale.spread + self.scale.centre
 
     def learn(self, experience: Experience, n_walkers: int, schedule: Schedule, generator: torch.Generator) -> dict[str, float]:
@@ -151,13 +157,14 @@ class Learner:
         has_teacher = self.teacher is not None and schedule.teacher_kl > 0 and not schedule.is_critic_only
         if has_teacher:
             flat.append(self._ask_teacher(experience, n_walkers))
+        flat = [one.to(self.device) for one in flat]
         for group in self.optimiser.param_groups:
             group["lr"] = schedule.rate
         sums: dict[str, float] = {}
         n_steps = 0
         for _ in range(settings.epochs):
             for rows in self.minibatches(len(flat[0]), settings.minibatch, generator):
-                means = self._step([one[rows] for one in flat], n_walkers, schedule)
+                means = self._step([one[rows.to(self.device)] for one in flat], n_walkers, schedule)
                 n_steps += 1
                 for name, value in means.items():
                     sums[name] = sums.get(name, 0.0) + value
@@ -183,24 +190,24 @@ class Learner:
 
     def _step(self, batch: list[Tensor], n_walkers: int, schedule: Schedule) -> dict[str, float]:
         n = len(batch[0])
-        sums = torch.zeros(6)
+        sums = torch.zeros(6, device=self.device)
         self.optimiser.zero_grad(set_to_none=True)
-        for chunk in zip(*(torch.split(one, CHUNK) for one in batch), strict=True):
+        for chunk in zip(*(torch.split(one, self.chunk) for one in batch), strict=True):
             loss, metrics = self._loss(list(chunk), n_walkers, schedule)
             share = len(chunk[0]) / n
             (loss * share).backward()  # type: ignore[no-untyped-call]
             sums += metrics * share
         norms = self.step()
         names = ("policy_loss", "value_loss", "entropy", "kl", "clipped", "teacher_kl")
-        return dict(zip(names, self.processes.mean(sums).tolist(), strict=True)) | norms
+        return dict(zip(names, self.processes.mean(sums.cpu()).tolist(), strict=True)) | norms
 
     def _loss(self, chunk: list[Tensor], n_walkers: int, schedule: Schedule) -> tuple[Tensor, Tensor]:
         planes, truth, scalars, cell, alive, legal, actions, old_logp, advantage, target, *taught = chunk
-        with autocast("cpu", self.precision):
+        with autocast(self.device.type, self.precision):
             value = self.critic(planes, truth, scalars)
             value_loss = (value - target).square().mean()
             if schedule.is_critic_only:
-                return value_loss, torch.stack([torch.zeros(()), value_loss.detach(), *torch.zeros(4)])
+                return value_loss, functional.pad(value_loss.detach()[None], (1, 4))
             logits = self.network(planes, scalars, cell, legal, n_walkers)
         log_all = logits.log_softmax(-1)
         logp = log_all.gather(-1, actions[..., None]).squeeze(-1)
@@ -216,7 +223,7 @@ class Learner:
             kl = ((ratio - 1 - change) * weight).sum()
             clipped = (((ratio - 1).abs() > self.settings.clip).float() * weight).sum()
         loss = policy_loss + 0.5 * value_loss - schedule.entropy * entropy
-        teacher_kl = torch.zeros(())
+        teacher_kl = torch.zeros((), device=self.device)
         for teacher_log in taught:  # one, or none
             teacher_kl = ((teacher_log.exp() * (teacher_log - log_all)).sum(-1) * weight).sum()
             loss = loss + schedule.teacher_kl * teacher_kl

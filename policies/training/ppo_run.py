@@ -5,10 +5,11 @@ costs nothing but the exactness of the sequel; weights, optimiser, former selves
 """
 
 import math
+import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from policies.training.parallel import Processes
 from policies.training.ppo import Learner, Schedule
 from policies.training.ppo_settings import PpoSettings
 from policies.training.record import Record, ReportProgress
-from policies.training.rollout import LearnerSeats, Results, collect
+from policies.training.rollout import Actors, LearnerSeats, Results
 from policies.training.start import read_start
 
 CLONE = "clone:"
@@ -65,7 +66,7 @@ def schedule(settings: PpoSettings, progress: float, rollouts: int) -> Schedule:
     cosine = 0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))
     return Schedule(
         rate=settings.rate * (0.05 + 0.95 * cosine),
-        entropy=settings.entropy * max(1 - progress, 0.1),
+        entropy=settings.entropy * max(1 - progress, settings.entropy_left),
         shaping=settings.shaping * max(1 - 1.5 * progress, 0.0),
         is_critic_only=rollouts < settings.critic_warmup,
         teacher_kl=settings.teacher_kl * max(1 - progress / settings.teacher_share, 0.0),
@@ -81,10 +82,19 @@ class PpoRun:
         `clone:FIGHTER`, a checkpoint's file, or nothing.
     report
         Called after each step.
+    device
+        Where the networks compute, as torch names it; matches are played on the CPU.
     """
 
     def __init__(
-        self, folder: RunFolder, settings: PpoSettings, start: str, budget: Budget, processes: Processes, report: ReportProgress
+        self,
+        folder: RunFolder,
+        settings: PpoSettings,
+        start: str,
+        budget: Budget,
+        processes: Processes,
+        report: ReportProgress,
+        device: str = "cpu",
     ) -> None:
         self.folder, self.settings, self.start, self.budget, self.processes, self._report = (
             folder, settings, start, budget, processes, report,
@@ -101,9 +111,9 @@ class PpoRun:
         network = TeamNetwork(TeamShape(channels=settings.channels, blocks=settings.blocks))
         if start and not start.startswith(CLONE):
             network = read_start(Path(start), self.ruleset, network)
-        self.learner = Learner(network, Critic(), settings, processes)
+        self.learner = Learner(network, Critic(), settings, processes, device)
         self.pool = Pool(network.state_dict(), gate_matches=settings.gate_matches, gate_score=settings.gate_score)
-        self.seats: dict[str, LearnerSeats] = {}
+        self.actors: dict[str, Actors] = {}
         """The learner's seats under each ruleset, while it trains."""
         self.counts = Counts()
         self.scores: dict[str, float] = {}
@@ -116,7 +126,7 @@ class PpoRun:
 
     def train(self, should_stop: Callable[[], bool]) -> bool:
         """Go on until the budget is used up, or `should_stop` says so; then save. Return whether the budget is used up."""
-        self.seats = {name: self._seat(ruleset) for name, ruleset in self._rulesets.items()}
+        self.actors = {name: Actors(list(self._seat(ruleset))) for name, ruleset in self._rulesets.items()}
         self._generator = torch.Generator().manual_seed(self.settings.seed + self.processes.rank + 977 * self.counts.sittings)
         self._rng = np.random.default_rng([self.settings.seed, self.processes.rank, self.counts.sittings])
         self._record = Record(self.folder, self.processes, self._report)
@@ -130,20 +140,31 @@ class PpoRun:
         self.save()
         return self.progress >= 1
 
-    def _seat(self, ruleset: Ruleset) -> LearnerSeats:
-        first_row, n_rows = self.processes.share(self.settings.games)
-        env = BatchedEnv(ruleset, n_rows, seed=self.settings.seed * 1_000_003 + self.counts.sittings, first_row=first_row)
-        return LearnerSeats(env, self._opponents(ruleset))
+    def _seat(self, ruleset: Ruleset) -> Iterator[LearnerSeats]:
+        shares, seed = self._shares_now(), self.settings.seed * 1_000_003 + self.counts.sittings
+        for first_row, n_rows in self._groups_of_rows():
+            env = BatchedEnv(ruleset, n_rows, seed=seed, first_row=first_row)
+            yield LearnerSeats(env, Opponents(ruleset, shares, first_row, n_rows, self.learner.network))
 
-    def _opponents(self, ruleset: Ruleset) -> Opponents:
-        shares = prioritise(self.settings.opponents, self.processes.share_first(self.scores), self.settings.priority)
-        return Opponents(ruleset, shares, *self.processes.share(self.settings.games), self.learner.network)
+    def _groups_of_rows(self) -> list[tuple[int, int]]:
+        """Return first and number of each group of this process's rows."""
+        first_row, n_rows = self.processes.share(self.settings.games)
+        wanted = self.settings.actors or (1 if self.learner.device.type == "cpu" else len(os.sched_getaffinity(0)))
+        n = max(min(wanted, n_rows), 1)
+        edges = [first_row + n_rows * group // n for group in range(n + 1)]
+        return [(first, last - first) for first, last in pairwise(edges)]
+
+    def _shares_now(self) -> dict[str, float]:
+        return prioritise(self.settings.opponents, self.processes.share_first(self.scores), self.settings.priority)
 
     def _reseat(self) -> None:
         """Begin new matches, with rows for each script by how it fares."""
-        for name, seats in self.seats.items():
-            seats.env.skip_to(seats.env.episode)
-            self.seats[name] = LearnerSeats(seats.env, self._opponents(seats.env.ruleset))
+        shares, rows = self._shares_now(), self._groups_of_rows()
+        for actors in self.actors.values():
+            for group, seats in enumerate(actors.groups):
+                seats.env.skip_to(seats.env.episode)
+                opponents = Opponents(seats.env.ruleset, shares, *rows[group], self.learner.network)
+                actors.groups[group] = LearnerSeats(seats.env, opponents)
         self._meet_selves()
 
     def _rules_now(self) -> str:
@@ -181,7 +202,7 @@ class PpoRun:
             self.learner.network.load_state_dict(state["network"])
             self.learner.critic.load_state_dict(state["critic"])
             self.learner.optimiser.load_state_dict(state["optimiser"])
-            self.learner.average = state["average"]
+            self.learner.average = {name: one.to(self.learner.device) for name, one in state["average"].items()}
             self.learner.scale.mean, self.learner.scale.square, self.learner.scale.weight = state["scale"]
             self.pool.selves, self.pool.points = state["selves"], state["points"]
             self.pool.recent.extend(state["recent"])
@@ -193,13 +214,15 @@ class PpoRun:
             self.folder.cut_metrics(self.counts.step)
 
     def _clone(self, should_stop: Callable[[], bool]) -> None:
-        teachers = {rules: Teacher(self._teachers[rules], seats) for rules, seats in self.seats.items()}
+        teachers = {
+            rules: [Teacher(self._teachers[rules], seats) for seats in actors.groups] for rules, actors in self.actors.items()
+        }
         while self.counts.cloned < self.settings.clone_samples:
             if self._agree(should_stop()) or self.progress >= 1:
                 return
             part = self.counts.cloned / self.settings.clone_samples
             rules = self._rules_now()
-            n, metrics = clone(self.seats[rules], teachers[rules], self.learner, part, self._rng, self._generator)
+            n, metrics = clone(self.actors[rules], teachers[rules], self.learner, part, self._rng, self._generator)
             self.counts.cloned += n * self.processes.n
             self._note("clone", rules, n, metrics, Results())
         self.learner.network.load_state_dict(self.learner.average)
@@ -212,11 +235,11 @@ class PpoRun:
     def _improve(self) -> None:
         """Play a rollout, learn from it, and see whether the best self is to be replaced."""
         rules, results, start_s = self._rules_now(), Results(), time.monotonic()
-        seats = self.seats[rules]
+        actors = self.actors[rules]
         now = schedule(self.settings, self._ppo_progress(), self.counts.rollouts)
-        experience = collect(seats, self.learner.to_act(), self.settings.horizon, results)
+        experience = actors.collect(self.learner.to_act(), self.settings.horizon, results)
         played_s = time.monotonic() - start_s
-        metrics = self.learner.learn(experience, seats.n_walkers, now, self._generator)
+        metrics = self.learner.learn(experience, actors.n_walkers, now, self._generator)
         metrics |= {"rate": now.rate, "played_share": played_s / (time.monotonic() - start_s)}
         n = experience.reward.numel()
         self.counts.samples += n * self.processes.n
@@ -244,9 +267,9 @@ class PpoRun:
 
     def _meet_selves(self) -> None:
         self._past = min(self.pool.draw_past(self._rng), len(self.pool.selves) - 1)
-        for seats in self.seats.values():
-            seats.opponents.use(BEST, self.pool.best, self.learner.network)
-            seats.opponents.use(PAST, self.pool.selves[self._past], self.learner.network)
+        for actors in self.actors.values():
+            actors.use(BEST, self.pool.best, self.learner.network)
+            actors.use(PAST, self.pool.selves[self._past], self.learner.network)
 
     def _note(self, stage: str, rules: str, n: int, metrics: dict[str, float], results: Results) -> None:
         """Count, write the metrics, save if it is time, and report."""

@@ -22,6 +22,9 @@ class PpoSettings:
     blocks: int = 3
     games: int = 192
     """Rows played at once, over all processes."""
+    actors: int = 0
+    """Threads of a process that play, each a part of the rows; 0 is one where the network computes on the CPU, and one for each
+    processor where it computes on a GPU."""
     horizon: int = 32
     """Ticks of a rollout."""
     minibatch: int = 1024
@@ -33,7 +36,9 @@ class PpoSettings:
     lambda_: float = 0.92
     clip: float = 0.2
     entropy: float = 0.01
-    """Weight of the entropy at the start; it falls to a tenth."""
+    """Weight of the entropy at the start."""
+    entropy_left: float = 0.1
+    """Share of that weight at which it stays: it falls along a line that reaches nothing at the end of the run. 1 keeps it."""
     shaping: float = 1.0
     """Weight of differences of the score (in hundredths) at the start; it falls to nothing by two thirds of the run."""
     target_kl: float = 0.03
@@ -74,7 +79,16 @@ class PpoSettings:
     """Score that the learner needs over the last `gate_matches` against `best` to take its place."""
 
     def __post_init__(self) -> None:
-        low = {"games": 1, "horizon": 2, "minibatch": 1, "epochs": 1, "channels": 1, "gate_matches": 1, "clone_samples": 1}
+        low = {
+            "actors": 0,
+            "games": 1,
+            "horizon": 2,
+            "minibatch": 1,
+            "epochs": 1,
+            "channels": 1,
+            "gate_matches": 1,
+            "clone_samples": 1,
+        }
         low["clone_minibatch"] = 1
         for name, least in low.items():
             if getattr(self, name) < least:
@@ -82,6 +96,8 @@ class PpoSettings:
         for name in ("teacher_kl", "priority"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be a number from 0 on")
+        if not 0 <= self.entropy_left <= 1:
+            raise InputError(f"the setting entropy_left is {self.entropy_left}; it must be a number from 0 to 1")
         if not 0 < self.teacher_share <= 1:
             raise InputError(f"the setting teacher_share is {self.teacher_share}; it must be above 0 and at most 1")
         if not self.opponents or min(self.opponents.values()) < 0 or sum(self.opponents.values()) <= 0:

@@ -4,7 +4,10 @@ The learner plays blue in every row, and red too in rows of self-play. Colours a
 enemy, and the frame is turned so that the enemy is always in the east.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, fields
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -20,6 +23,8 @@ from policies.networks.learned import choose, infer
 from policies.networks.models import N_TRUTH_PLANES, TeamNetwork
 from policies.training.opponents import SELF, Opponents
 from policies.training.truth import reveal
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,6 +73,13 @@ class Results:
             mine.append(0.5 if winner < 0 else float(winner == Team.BLUE))
             self.ticks.append(int(turn.ticks[row]))
             self.captures += int(turn.ending[row] == Termination.CAPTURE and winner == Team.BLUE)
+
+    def add(self, other: "Results") -> None:
+        """Take in the results of other rows."""
+        for name, points in other.points.items():
+            self.points.setdefault(name, []).extend(points)
+        self.ticks.extend(other.ticks)
+        self.captures += other.captures
 
 
 class LearnerSeats:
@@ -154,6 +166,49 @@ class LearnerSeats:
             np.concatenate([gain, -gain[rows]]),
             np.concatenate([turn.has_ended, turn.has_ended[rows]]),
         )
+
+
+def join(parts: Sequence[Experience]) -> Experience:
+    """Return the rollouts of several groups of seats as one."""
+    if len(parts) == 1:
+        return parts[0]
+    names = [one.name for one in fields(Experience) if one.name != "last"]
+    joined = {name: torch.cat([getattr(part, name) for part in parts], 1) for name in names}
+    planes, scalars = zip(*(part.last for part in parts), strict=True)
+    return Experience(**joined, last=(torch.cat(planes), torch.cat(scalars)))
+
+
+class Actors:
+    """The learner's seats in groups of rows. Each group has a thread, so that cores play while others wait for the network.
+
+    The kernels of the game and of the scripts run without the interpreter's lock, and so does the network.
+    """
+
+    def __init__(self, groups: Sequence[LearnerSeats]) -> None:
+        self.groups = list(groups)
+        self._pool = ThreadPoolExecutor(len(self.groups), thread_name_prefix="actor") if len(self.groups) > 1 else None
+
+    @property
+    def n_walkers(self) -> int:
+        """Units of a seat that walk."""
+        return self.groups[0].n_walkers
+
+    def in_each(self, play: Callable[[int], T]) -> list[T]:
+        """Return what came of playing in each group, by its index; all at once."""
+        return list((self._pool.map if self._pool else map)(play, range(len(self.groups))))
+
+    def collect(self, network: TeamNetwork, n_ticks: int, results: Results) -> Experience:
+        """Play `n_ticks` in every row of every group."""
+        apart = [Results() for _ in self.groups]
+        experience = join(self.in_each(lambda group: collect(self.groups[group], network, n_ticks, apart[group])))
+        for one in apart:
+            results.add(one)
+        return experience
+
+    def use(self, name: str, weights: Mapping[str, Tensor], network: TeamNetwork) -> None:
+        """Let `best` or `past` play with other weights."""
+        for seats in self.groups:
+            seats.opponents.use(name, weights, network)
 
 
 def collect(seats: LearnerSeats, network: TeamNetwork, n_ticks: int, results: Results) -> Experience:

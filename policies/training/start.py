@@ -4,30 +4,36 @@ from pathlib import Path
 
 from arena.errors import InputError
 from arena.game.ruleset import Ruleset
-from policies.networks.checkpoint import load_checkpoint
+from policies.networks.checkpoint import Checkpoint, load_checkpoint
 from policies.networks.models import TeamNetwork
 
 
-def read_team_network(path: Path, ruleset: Ruleset, purpose: str = "start from") -> TeamNetwork:
-    """Return the network of a checkpoint, ready to play.
+def read_team_network(path: Path, purpose: str) -> TeamNetwork:
+    """Return the network of a checkpoint, ready to play; `InputError` if it is none of a team."""
+    return _network_of(load_checkpoint(path), path, purpose)
+
+
+def read_start(path: Path, ruleset: Ruleset, fresh: TeamNetwork) -> TeamNetwork:
+    """Return the network of a checkpoint, ready to learn.
 
     Raises
     ------
     InputError
-        It is none of a team, or was trained on another ruleset.
+        It is none of a team, of another shape than a fresh one, or was trained on another ruleset.
     """
     checkpoint = load_checkpoint(path)
-    network, manifest = checkpoint.network, checkpoint.manifest
-    if not isinstance(network, TeamNetwork):
-        raise InputError(f"cannot {purpose} {path}: it holds a {manifest.network} network, and a team network is wanted")
-    if manifest.ruleset_hash != ruleset.hash:
-        raise InputError(f"cannot {purpose} {path}: it was trained on ruleset {manifest.ruleset}, not on {ruleset.name} of today")
-    return network
-
-
-def read_start(path: Path, ruleset: Ruleset, fresh: TeamNetwork) -> TeamNetwork:
-    """Return the network of a checkpoint, ready to learn, if it is of the shape of a fresh one; else raise `InputError`."""
-    network = read_team_network(path, ruleset)
+    network = _network_of(checkpoint, path, "start from")
     if network.shape != fresh.shape:
         raise InputError(f"cannot start from {path}: its network is of {network.shape}; the settings ask for {fresh.shape}")
+    if checkpoint.manifest.ruleset_hash != ruleset.hash:
+        raise InputError(
+            f"cannot start from {path}: it was trained on ruleset {checkpoint.manifest.ruleset}, not on {ruleset.name} of today"
+        )
     return network.train().requires_grad_(True)
+
+
+def _network_of(checkpoint: Checkpoint, path: Path, purpose: str) -> TeamNetwork:
+    kind, network = checkpoint.manifest.network, checkpoint.network
+    if not isinstance(network, TeamNetwork):
+        raise InputError(f"cannot {purpose} {path}: it holds a {kind} network, and a team network is wanted")
+    return network

@@ -1,6 +1,7 @@
 """Benchmarks: what they give, tried with sizes that measure nothing."""
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -18,7 +19,7 @@ import benchmarks.policies
 from arena.errors import InputError
 from arena.game.observation import Observations
 from arena.local import venue as local
-from benchmarks import envs, kernel, planner
+from benchmarks import envs, kernel, planner, spectators
 from benchmarks.measuring import rates as measure
 from benchmarks.measuring import turns
 from policies.heuristics.random import Random
@@ -173,6 +174,19 @@ def test_the_local_venue_is_measured_with_its_journals(monkeypatch: pytest.Monke
     assert list(results) == ["ticks_per_s", "matches_per_s", "ticks_per_match"]
     assert is_positive(results)
     assert written == [4, 4]
+
+
+@pytest.mark.skipif(os.environ.get("ARENA_TEST_SIZE") != "full", reason="starts processes for half a minute; make test-full")
+def test_spectators_through_a_relay_cost_the_pit_no_more_the_more_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(spectators, "RUNS", 1)
+
+    results = spectators.measure(lambda _: None, (1, 200))
+
+    direct, relayed = results["at_the_pit"], results["through_a_relay"]
+    assert [found["heard_by"] for way in (direct, relayed) for found in way.values()] == [1, 200] * 2
+    assert direct["200"]["process_ms_a_turn"] > 1.5 * direct["1"]["process_ms_a_turn"]
+    assert relayed["200"]["process_ms_a_turn"] < 1.5 * relayed["1"]["process_ms_a_turn"]
+    assert results["stopped"]["late_turns"] == 0
 
 
 def test_a_rate_is_work_over_time() -> None:

@@ -5,7 +5,8 @@ import subprocess
 import sys
 import time
 
-from arena.network.session import free_port, open_router
+from arena.network.address import free_port
+from arena.network.session import open_router
 from benchmarks.measuring.processor_time import children_of, spent_by
 
 

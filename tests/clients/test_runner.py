@@ -5,7 +5,8 @@ import time
 import pytest
 
 from arena.errors import LostPitError
-from arena.network.session import free_port, open_router
+from arena.network.address import free_port
+from arena.network.session import open_router
 from clients.core import MOST_UNANSWERED
 from clients.runner import TICK_S, Runner
 from clients.settings import ClientSettings

@@ -18,7 +18,7 @@ from tournaments.league.file import load_league
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 NOT_RUN = {
-    r"arena (serve|join|watch|web|leaderboard --ladder)": "waits for others on the network: tests/e2e/ runs them",
+    r"arena (serve|join|watch|relay|web|leaderboard --ladder)": "waits for others on the network: tests/e2e/ runs them",
     r"arena (season|backup course|restore course)": "is a season's: tests/tournaments/test_course.py follows its page",
     r"arena (backup|restore) all": "is of a folder that plays: tests/tournaments/test_backup.py",
     r"arena train (?!figures)": "takes minutes: the notebook trains in small, tests/policies/training/ in every way",

@@ -1,6 +1,7 @@
 """`arena watch` beside a real match: everyone hears the facts, and who has the pit's spectator key sees the truth."""
 
 import re
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 from arena.display.text import draw_board
 from arena.game.types import Team
 from arena.keyring.files import load_or_make_secret
+from arena.network.address import free_port
 from arena.records.journal_folder import load_journal
 from arena.records.replay import replay
 
@@ -46,16 +48,17 @@ def drawn(*grids: Any) -> list[str]:
     return ["   ".join(row).rstrip() for row in zip(*boards, strict=True)]
 
 
-def test_everyone_hears_the_facts_and_who_has_the_key_sees_both_views_and_the_truth(
+def test_everyone_hears_the_facts_by_a_relay_too_and_who_has_the_key_sees_both_views_and_the_truth(
     serve: Start, join: Start, start: Start, port: int, tmp_path: Path
 ) -> None:
     bot, go = tmp_path / "slow.py", tmp_path / "go"
     bot.write_text(BOT.format(go=str(go)))
-    address = f"arena://127.0.0.1:{port}/pit"
+    address, relay_port = f"arena://127.0.0.1:{port}/pit", free_port()
     key = tmp_path / "keys" / "spectator.key"
     pit = serve("--matches", 1, "--turn-time", 60, "--set", f"side={SIDE}", "--set", f"tick_limit={N_TICKS}")
 
-    without = start("watch", "--pit", address)  # before there is anything to be seen
+    relay = start("relay", address, "--listen", f"tcp/127.0.0.1:{relay_port}").wait_for("watch with: ")
+    without = start("watch", "--pit", f"arena://127.0.0.1:{relay_port}/pit")  # before there is anything to be seen
     players = [join("--team", team, "--policy", bot, "--name", name) for team, name in (("blue", "ann"), ("red", "bob"))]
     match = players[0].wait_for("begun").said.partition("match ")[2].partition(":")[0]
     sees = start("watch", "--pit", address, "--match", match, "--spectator-key", key)
@@ -66,6 +69,10 @@ def test_everyone_hears_the_facts_and_who_has_the_key_sees_both_views_and_the_tr
     go.touch()
 
     assert [process.finish() for process in (without, sees, *players, pit)] == [0] * 5
+    relay.wait_for("; looking for it")
+    relay.send(signal.SIGTERM)
+    assert relay.finish() == 0
+    assert f"watch with: arena watch --pit arena://127.0.0.1:{relay_port}/pit#" in relay.said
     assert "arena: match 0123456789abcdef does not run in pit" in elsewhere.said
     (journal,) = map(load_journal, (tmp_path / "journals").glob("*.journal"))
     assert journal.name == match

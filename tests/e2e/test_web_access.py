@@ -15,7 +15,7 @@ from chromium import ABSENT, axe, browser, says, visit
 from commands import run_here
 from made_seasons import keep_table, make_season, play_pairs, submit
 
-from arena.network.session import free_port
+from arena.network.address import free_port
 from arena.protocol.identity import Identity
 from arena.protocol.page_token import make_page_link, make_page_token
 from arena.records.journal_folder import load_journal

@@ -8,7 +8,7 @@ from typing import Any
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from arena.network.session import free_port
+from arena.network.address import free_port
 
 Start = Callable[..., Any]
 JUNK = [

@@ -9,7 +9,7 @@ import pytest
 from chromium import browser, says, visit
 from commands import run_here
 
-from arena.network.session import free_port
+from arena.network.address import free_port
 from arena.records.journal_folder import load_journal
 
 __all__ = ["browser", "visit"]

@@ -11,7 +11,7 @@ from chromium import REFUSED, WIDTHS, browser, says, visit
 
 from arena.game.types import Action, Team
 from arena.keyring.files import load_or_make_secret
-from arena.network.session import free_port
+from arena.network.address import free_port
 from arena.protocol.identity import to_text
 from arena.records.journal import Journal
 from arena.records.journal_folder import load_journal

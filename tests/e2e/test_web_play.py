@@ -9,7 +9,7 @@ import pytest
 from chromium import browser, says, visit
 
 from arena.game.types import Action, Termination
-from arena.network.session import free_port
+from arena.network.address import free_port
 from arena.records.journal_folder import load_journal
 from arena.records.transcript import load_transcript
 

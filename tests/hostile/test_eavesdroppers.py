@@ -23,7 +23,8 @@ from arena.game.state import StateField
 from arena.game.types import Team
 from arena.keyring.files import load_secret
 from arena.match.time_control import TimeControl
-from arena.network.session import free_port, open_router
+from arena.network.address import free_port
+from arena.network.session import open_router
 from arena.pit.effects import MatchEnded
 from arena.pit.match_session import PitContext
 from arena.pit.referee import Referee

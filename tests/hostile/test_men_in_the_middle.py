@@ -16,8 +16,7 @@ from arena.errors import ForgedError, LostPitError
 from arena.game.types import Team
 from arena.keyring.files import load_or_make
 from arena.keyring.ring import entry_key_path
-from arena.network.address import Address, parse_address
-from arena.network.session import free_port
+from arena.network.address import Address, free_port, parse_address
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import new_secret, sign_challenge

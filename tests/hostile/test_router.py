@@ -13,7 +13,8 @@ import pytest
 import zenoh
 
 from arena.game.types import Team
-from arena.network.session import Session, free_port, open_client, open_router, read_key, read_payload
+from arena.network.address import free_port
+from arena.network.session import Session, open_client, open_router, read_key, read_payload
 from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES
 

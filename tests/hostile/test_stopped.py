@@ -15,7 +15,7 @@ import pytest
 import zenoh
 from commands import Command
 
-from arena.network.session import free_port
+from arena.network.address import free_port
 from arena.protocol import topics
 from arena.records.journal import Mark
 from arena.records.journal_folder import load_journal

@@ -15,7 +15,7 @@ from family import marked
 from arena.errors import InputError
 from arena.game.ruleset import load
 from arena.jit import cache_root
-from arena.network.session import free_port
+from arena.network.address import free_port
 from arena.sandbox import bubblewrap
 from arena.sandbox.limits import BEHIND_A_WALL
 from arena.sandbox.process import Sandbox

@@ -7,9 +7,9 @@ from typing import Any
 
 from arena.game.ruleset import load
 from arena.match.time_control import TimeControl
-from arena.network.address import Address
+from arena.network.address import Address, free_port
 from arena.network.asking import ask
-from arena.network.session import Session, free_port, open_client
+from arena.network.session import Session, open_client
 from arena.pit.register import Register
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode

@@ -14,6 +14,8 @@ import pytest
 from outcomes import ended
 
 from arena.errors import InputError
+from arena.records.journal_bundle import BundleWriter
+from arena.records.journal_folder import JournalFolder
 from tournaments.backup import back_up, restore
 from tournaments.store.store import Store
 
@@ -90,6 +92,19 @@ def test_a_restored_league_has_the_same_reports_and_journals_that_hold(played: P
     again = here("tournament", "run", restored / "friday.toml", "--data", restored)
     assert again.returncode == 0
     assert len(list((restored / "journals" / "friday").glob("*.journal"))) == 2, "something was played again"
+
+
+def test_a_bundle_that_grows_meanwhile_comes_back_with_the_journals_that_were_whole(data: Path, tmp_path: Path) -> None:
+    with BundleWriter(data / "journals") as writer:
+        writer.add([("a", b"one"), ("b", b"other")])
+        [bundle] = (data / "journals").glob("*.journals")
+        with bundle.open("ab") as file:
+            file.write(b"J half of the next")
+        back_up(tmp_path / "backup", data, "")
+    restore(tmp_path / "backup", tmp_path / "new", "")
+
+    kept = JournalFolder(tmp_path / "new" / "journals")
+    assert {identity: kept.read(identity) for identity in kept.bundled()} == {"a": b"one", "b": b"other"}
 
 
 def test_all_files_come_back_with_their_modes_but_those_of_running_processes(data: Path, tmp_path: Path) -> None:

@@ -9,8 +9,7 @@ from dataclasses import replace
 from arena.folders import data_folder
 from arena.game.types import Team
 from arena.keyring.files import load_or_make
-from arena.network.address import Address
-from arena.network.session import free_port
+from arena.network.address import Address, free_port
 from arena.records.plan import MatchPlan
 from tournaments.outcome import Outcome
 from tournaments.venues.bundle import freeze

@@ -18,6 +18,7 @@ from arena.game.types import Team
 from arena.local.venue import MatchRecord, play_batch
 from arena.policy import BatchFactory
 from arena.records.journal import Journal, read_journal, save_journal
+from arena.records.journal_bundle import BundleWriter
 from arena.records.plan import MatchPlan
 from arena.records.replay import replay
 from policies import registry
@@ -235,3 +236,30 @@ def test_show_is_a_film_on_a_terminal_without_keys(file: Path, journal: Journal,
     assert len(last.splitlines()[1]) == (83 if is_wide else 43)
     assert journal.ending is not None
     assert last.splitlines()[-1] == journal.ending.describe()
+
+
+def test_journals_in_a_bundle_are_listed_checked_shown_and_taken_out_one_by_one(
+    data: bytes, tmp_path: Path, here: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("kept").mkdir()
+    with BundleWriter(Path("kept")) as writer:
+        writer.add([("a/b", data), ("c", data), ("cut", data[:-9])])
+
+    listed = here("replay", "list", "kept").stdout.splitlines()
+    assert listed == ["kept/a+b.journal", "kept/c.journal", "kept/cut.journal"]
+    assert json.loads(here("replay", "list", "kept/000001.journals", "--json").stdout)[1] == "kept/000001.journals/c.journal"
+    checked = json.loads(here("replay", "verify", "--local", "kept", "--json").stdout)
+    assert [(check["file"], check["ok"]) for check in checked] == list(zip(listed, [True, True, False], strict=True))
+    assert here("replay", "verify", "--local", listed[0]).returncode == 0
+    assert here("replay", "show", listed[1], "--tick", 0).returncode == 0
+    assert here("replay", "export", listed[0], "--journal").returncode == 0
+    assert Path("a+b.journal").read_bytes() == data
+    assert here("replay", "export", "kept/000001.journals/c.journal", "--out", "c.journal").returncode == 0
+    for arguments, says in (
+        (("a+b.journal", "--journal"), "cannot write a+b.journal: File exists"),
+        (("kept/d.journal", "--journal"), "cannot read kept/d.journal: No such file or directory"),
+        (("kept/c.journal", "--journal", "--team", "red"), "--team is for pictures; --journal has both views"),
+    ):
+        done = here("replay", "export", *arguments)
+        assert (done.returncode, done.stderr) == (2, f"arena: {says}\n")

@@ -1,6 +1,7 @@
 """The local venue: a match is the same however it is run, and a bad fighter costs its own seat alone."""
 
 import multiprocessing
+import os
 import random
 import sys
 from collections.abc import Callable, Sequence
@@ -18,7 +19,7 @@ from arena.game.types import Team, Termination
 from arena.local.venue import MATCHES_PER_TASK, MatchRecord, play, play_batch, split
 from arena.policy import BatchFactory, MatchInfo, MatchResult
 from arena.records.journal import Mark, journal_name, read_journal
-from arena.records.journal_folder import load_journal
+from arena.records.journal_folder import JournalFolder, load_journal
 from arena.records.plan import MatchPlan
 from arena.records.replay import verify
 from policies import registry
@@ -117,6 +118,34 @@ def test_journals_in_a_folder_are_the_same_and_their_owner_s_alone(
     assert all(verify(load_journal(path)) for path in files.values())
 
 
+@pytest.mark.parametrize("n_workers", [1, 2])
+def test_journals_of_many_matches_are_the_same_in_bundles(
+    plans: list[MatchPlan], expected: dict[str, bytes], n_workers: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    former = tmp_path / journal_name(plans[0].identity)
+    former.write_bytes(b"does not hold")
+    monkeypatch.setattr("arena.local.venue.MOST_FILES", len(plans) - 1)
+
+    told = {record.plan.identity for record in play(PAPER, plans, registry.load, journals=tmp_path, n_workers=n_workers)}
+
+    bundles = {path.name for path in tmp_path.glob("*.journals")}
+    kept = JournalFolder(tmp_path)
+    assert told == kept.identities() == set(expected)
+    assert {identity: kept.read(identity) for identity in told} == expected
+    assert {path.name for path in tmp_path.iterdir()} == bundles | {f"{former.name}.1"}
+    assert 0 < len(bundles) < len(plans)
+
+
+def test_a_match_is_told_once_its_journal_is_in_a_bundle(
+    plans: list[MatchPlan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("arena.local.venue.MOST_FILES", 0)
+    kept = JournalFolder(tmp_path)
+
+    for record in play(PAPER, plans, registry.load, journals=tmp_path, n_workers=1):
+        assert kept.holds(record.plan.identity)
+
+
 def test_a_record_s_result_is_what_its_journal_says(plans: list[MatchPlan]) -> None:
     for record in play(PAPER, plans, registry.load, n_workers=1):
         assert read_journal(record.journal or b"").ending == record.result
@@ -138,6 +167,25 @@ def test_a_journal_that_cannot_be_written_is_one_sentence(plans: list[MatchPlan]
 
     with pytest.raises(InputError, match=r"cannot write the journal of paper/5 in .*: Is a directory"):
         list(play(PAPER, plans, registry.load, journals=tmp_path, n_workers=n_workers))
+
+
+def test_bundles_that_the_disk_does_not_take_are_one_sentence_and_hold_what_it_took(
+    plans: list[MatchPlan], expected: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("arena.local.venue.MOST_FILES", 0)
+    monkeypatch.setattr("arena.local.saving._RECORDS_PER_WRITE", 2)
+    write = os.write
+    monkeypatch.setattr(os, "write", lambda descriptor, data: write(descriptor, data[: 10_000 - os.fstat(descriptor).st_size]))
+
+    told: list[MatchRecord] = []
+    with pytest.raises(InputError, match=r"cannot write the journals? of paper/\d+ .*in .*: No space left on device"):
+        told.extend(play(PAPER, plans, registry.load, journals=tmp_path, n_workers=1))
+
+    kept = JournalFolder(tmp_path)
+    held = kept.identities()
+    assert {record.plan.identity for record in told} <= held < set(expected)
+    assert held
+    assert {identity: kept.read(identity) for identity in held} == {identity: expected[identity] for identity in held}
 
 
 @pytest.mark.parametrize("name", RULESETS)

@@ -1,8 +1,8 @@
 """Asking a pit, with real sessions over loopback."""
 
-from arena.network.address import Address
+from arena.network.address import Address, free_port
 from arena.network.asking import ask
-from arena.network.session import Query, free_port, open_client, open_router
+from arena.network.session import Query, open_client, open_router
 
 
 def test_a_query_that_is_left_unanswered_is_sent_again() -> None:

@@ -9,9 +9,10 @@ from contextlib import ExitStack
 import pytest
 
 from arena.network import session as sessions
+from arena.network.address import free_port
 from arena.network.capacity import Capacity
 from arena.network.links import Kept, choose, read_peer
-from arena.network.session import Session, free_port, open_client, open_router
+from arena.network.session import Session, open_client, open_router
 
 CAPACITY = Capacity(sessions=16, pending=8)
 WAIT_S = 30.0

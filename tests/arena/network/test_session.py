@@ -17,7 +17,8 @@ from cryptography.hazmat.primitives.asymmetric import ec
 
 from arena.errors import InputError, LostPitError
 from arena.network.access import Certificate
-from arena.network.session import Broadcast, Session, free_port, open_client, open_router, read_payload
+from arena.network.address import free_port
+from arena.network.session import Broadcast, Session, open_client, open_router, read_payload
 
 WAIT_S = 10.0
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import uvicorn
 
-from arena.network.session import free_port
+from arena.network.address import free_port
 from clients.web.connections import ImpatientProtocol
 from clients.web.server import listen
 

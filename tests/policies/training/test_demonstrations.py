@@ -11,7 +11,6 @@ import torch
 from small import PAPER, SMALL
 
 from arena.errors import ArenaError, InputError
-from arena.game.ruleset import load as load_rules
 from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
 from policies.networks.features import Plane
 from policies.networks.models import PaperTeam, TeamNetwork
@@ -146,6 +145,19 @@ def test_a_run_that_was_stopped_ends_with_the_weights_of_one_that_was_not(tmp_pa
         torch.testing.assert_close(stopped.average[name], one, rtol=0, atol=0)
 
 
+def test_demonstrations_of_several_rulesets_are_learned_from_together(tmp_path: Path, data: DemonstrationFolder) -> None:
+    alone, settings = DemonstrationFolder(tmp_path / "alone"), replace(EASY, rules="exp1")
+    alone.open_for(asdict(settings), check(settings))
+    for sitting in range(2):
+        demonstrate_alone(alone, settings, 0, sitting, 2, lambda: False)
+    both = DistilSettings(data=[str(data.path), str(alone.path)], channels=8, blocks=1, passes=1.0, minibatch=64)
+    run = DistilRun(RunFolder(tmp_path), both, "", Budget(), Processes(), lambda *_: None)
+    run.train(lambda: False)
+
+    assert run.progress >= 1
+    assert run.counts.samples == data.files()[1].samples + alone.files()[1].samples  # the first files show how it fares
+
+
 def test_a_gradient_that_is_not_finite_ends_the_run_before_the_step(tmp_path: Path, data: DemonstrationFolder) -> None:
     rotten = DemonstrationFolder(tmp_path / "rotten")
     rotten.open_for({}, PAPER)
@@ -169,7 +181,6 @@ def test_a_gradient_that_is_not_finite_ends_the_run_before_the_step(tmp_path: Pa
     [
         ({"student": "rush"}, "the student is 'rush'; it must be a checkpoint's file, or one of champion"),
         ({"student": "paper"}, "it holds a paper network, and a team network is wanted"),
-        ({"student": "champion", "rules": "exp1"}, "trained on ruleset paper, not on exp1"),
         ({"student": "nowhere.safetensors"}, "cannot read the checkpoint nowhere.safetensors"),
         ({"teacher": "nobody"}, "nobody"),
         ({"opponents": {"best": 1.0}}, "names best, which PPO alone has"),
@@ -192,9 +203,16 @@ def test_a_planner_does_not_teach_where_it_cannot_look_ahead(tmp_path: Path) -> 
 
 def test_demonstrations_that_do_not_fit_are_refused_in_a_sentence(tmp_path: Path, data: DemonstrationFolder) -> None:
     with pytest.raises(InputError, match="there are no demonstrations in"):
-        DemonstrationFolder(tmp_path).check(PAPER)
-    with pytest.raises(InputError, match="are of ruleset paper; exp1 is wanted"):
-        data.check(load_rules("exp1"))
+        DemonstrationFolder(tmp_path).check()
+    exp1 = DistilSettings(rules="exp1", data=[str(data.path)])
+    with pytest.raises(InputError, match="there are no demonstrations of ruleset exp1 in"):
+        DistilRun(RunFolder(tmp_path), exp1, "", Budget(), Processes(), lambda *_: None)
+    old = DemonstrationFolder(tmp_path / "old")
+    old.open_for({"rules": "paper"}, PAPER)
+    [manifest] = old.path.iterdir()
+    manifest.write_text(manifest.read_text().replace('"features": 1', '"features": 0'))
+    with pytest.raises(InputError, match="are of features 0; 1 is wanted here"):
+        old.check()
     with pytest.raises(InputError, match="give a folder by --data"):
         DistilSettings()
     few = DemonstrationFolder(tmp_path / "few")

@@ -90,8 +90,20 @@ def test_the_weight_of_the_teacher_falls_to_nothing_over_its_share_of_the_run() 
     assert schedule(PpoSettings(), 0.0, 0).teacher_kl == 0
 
 
-@pytest.mark.parametrize(("setting", "reason"), [("teacher_kl=-1", "teacher_kl"), ("teacher_share=0", "teacher_share")])
-def test_a_teacher_s_weight_that_cannot_be_is_refused(setting: str, reason: str) -> None:
+def test_the_weight_of_the_entropy_falls_to_what_is_to_be_left_of_it() -> None:
+    def weights(left: float) -> list[float]:
+        return [schedule(PpoSettings(entropy=0.02, entropy_left=left), done, 0).entropy for done in (0.0, 0.5, 0.95, 1.0)]
+
+    assert weights(0.1) == pytest.approx([0.02, 0.01, 0.002, 0.002])
+    assert weights(0.0) == pytest.approx([0.02, 0.01, 0.001, 0.0])
+    assert weights(1.0) == pytest.approx([0.02] * 4)
+
+
+@pytest.mark.parametrize(
+    ("setting", "reason"),
+    [("teacher_kl=-1", "teacher_kl"), ("teacher_share=0", "teacher_share"), ("entropy_left=2", "entropy_left")],
+)
+def test_a_weight_that_cannot_be_is_refused(setting: str, reason: str) -> None:
     with pytest.raises(InputError, match=f"the setting {reason} is"):
         PpoSettings().with_([setting])
 
@@ -151,10 +163,10 @@ def test_a_run_with_priorities_seats_scripts_anew_by_how_they_fare(
         return False
 
     run.train(say_how_they_fare)
-    rows = {name: len(mine) for name, mine in run.seats["paper"].opponents.rows.items()}
+    rows = {name: len(mine) for name, mine in run.actors["paper"].groups[0].opponents.rows.items()}
 
     assert rows == ({"random": 4} if priority else {"rush": 2, "random": 2})
-    assert len(run.seats["paper"].opponents.self_rows) == 4
+    assert len(run.actors["paper"].groups[0].opponents.self_rows) == 4
 
 
 def test_a_best_response_meets_one_fighter_alone_and_tells_its_score_with_an_interval(

@@ -17,7 +17,7 @@ from policies.training.clone import Teacher, clone
 from policies.training.folder import RunFolder
 from policies.training.parallel import Processes
 from policies.training.ppo_run import PpoRun
-from policies.training.rollout import Results, collect
+from policies.training.rollout import Actors, Results, collect
 
 Numbers = set[tuple[bool, torch.dtype]]
 """In what a trunk computed: whether for gradients, and its numbers."""
@@ -73,7 +73,7 @@ def test_a_clone_acts_and_learns_in_what_is_fast(fast: torch.dtype) -> None:
     seats, learner = make_seats(), make_learner()
     network = watch(learner.network)
 
-    clone(seats, Teacher("rush", seats), learner, 0.5, np.random.default_rng(0), torch.Generator().manual_seed(0))
+    clone(Actors([seats]), [Teacher("rush", seats)], learner, 0.5, np.random.default_rng(0), torch.Generator().manual_seed(0))
 
     assert network == {(False, fast), (True, fast)}
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from arena.network.session import free_port
+from arena.network.address import free_port
 from tournaments.store.store import Store
 
 Run = Callable[..., subprocess.CompletedProcess[str]]

@@ -15,8 +15,9 @@ import pytest
 from family import LeagueProcess, kill
 
 from arena.records.framing import CutShortError
-from arena.records.journal import read_journal, whole_part
-from arena.records.journal_folder import load_journal
+from arena.records.journal import journal_name, read_journal, whole_part
+from arena.records.journal_bundle import Bundle
+from arena.records.journal_folder import load_journal, read_recorded
 from tournaments.store.store import Store, StoreError
 
 logger = logging.getLogger(__name__)
@@ -28,12 +29,13 @@ def act(observation):
     return [1 + (observation.tick // 3 + unit.index) % 4 for unit in observation.units]
 """
 LEAGUES = {
-    # A bot that takes its time, and so the league does; matches so short that a kill strikes between them often enough.
-    "local": "pairs = {n_pairs}\ntrusted = ['one']\n[rules]\ntick_limit = 40\n",
+    # A bot that takes its time, and so the league does; matches so short that a kill strikes between them often enough, and so
+    # many that their journals are in bundles.
+    "local": "pairs = {n_pairs}\ntrusted = ['one']\n[rules]\ntick_limit = 4\n",
     "network": "pairs = {n_pairs}\nslots = 1\nturn_time_s = 0\ngrace_s = 60\n[rules]\ntick_limit = 15\n",
 }
 ENTRIES = {"one": "one.py", "two": "rush", "three": "patrol"}
-PAIRS = {"local": (20, 40), "network": (4, 10)}
+PAIRS = {"local": (101, 200), "network": (4, 10)}
 """Between two entries: at small size, and at full size."""
 KILLS = {"local": (1, 8), "network": (2, 18)}
 """In each of two stores."""
@@ -51,7 +53,7 @@ class Strike:
     what: str
     n_stored: int
     whole: dict[Path, int]
-    """Journals of matches that had ended, and when each was last written to (nanoseconds)."""
+    """Journals of matches that had ended, and when each was last written to (nanoseconds); of one in a bundle, nobody knows."""
     running: dict[str, int]
     """Ticks of the matches in the middle of which it struck."""
 
@@ -69,17 +71,30 @@ class Strike:
 def look(what: str, league: LeagueProcess) -> Strike:
     """Return where a league stands, by its files."""
     whole, running = {}, {}
-    for path in sorted(league.journals.glob("*.journal")):
+    for path in sorted(places_of(league)):
         try:
-            journal = read_journal(whole_part(path.read_bytes()))
+            journal = read_journal(whole_part(read_recorded(path)))
         except CutShortError:
             running[path.name] = 0
             continue
         if journal.ending is None:
             running[path.name] = len(journal.ticks)
         else:
-            whole[path] = path.stat().st_mtime_ns
+            whole[path] = written_at(path)
     return Strike(what=what, n_stored=count_stored(league.db), whole=whole, running=running)
+
+
+def places_of(league: LeagueProcess) -> list[Path]:
+    """Return the path of every journal, in bundles, too."""
+    found = list(league.journals.glob("*.journal"))
+    for bundle in map(Bundle, league.journals.glob("*.journals")):
+        bundle.look()
+        found += [bundle.path / journal_name(identity) for identity in bundle]
+    return found
+
+
+def written_at(path: Path) -> int:
+    return path.stat().st_mtime_ns if path.is_file() else 0
 
 
 def count_stored(db: str) -> int:
@@ -94,9 +109,7 @@ def facts(league: LeagueProcess) -> dict[str, Any]:
     """Return what a league came to: its report without what a clock measured, and its canonical journals."""
     report = json.loads(league.report.read_text())
     del report["wall"]
-    return {"report": json.dumps(report)} | {
-        path.name: load_journal(path).canonical for path in league.journals.glob("*.journal")
-    }
+    return {"report": json.dumps(report)} | {path.name: load_journal(path).canonical for path in places_of(league)}
 
 
 def runs_on(league: LeagueProcess, took_s: float) -> bool:
@@ -108,7 +121,7 @@ def runs_on(league: LeagueProcess, took_s: float) -> bool:
         return not league.ends_within(random.uniform(0.0, took_s))
 
     def sizes() -> dict[Path, int]:
-        return {path: path.stat().st_size for path in league.journals.glob("*.journal")}
+        return {path: path.stat().st_size for path in league.journals.glob("*.journal*")}
 
     before = sizes()
     while sizes() == before:
@@ -194,9 +207,11 @@ def test_whatever_is_killed_the_league_ends_as_if_nothing_had_been(
             struck = torment(league, kinds, wanted - len(strikes), undisturbed.took_s, cluster)
         strikes += struck
         assert facts(league) == undisturbed.expected
+        names = [path.name for path in places_of(league)]
+        assert sorted(names) == sorted(set(names)), "a match was played twice"
         for strike in struck:
             if strike.what != "database":  # which ends no match
-                assert {path: path.stat().st_mtime_ns for path in strike.whole} == strike.whole, "a match was played twice"
+                assert {path: written_at(path) for path in strike.whole} == strike.whole, "a match was played twice"
 
     for strike in strikes:
         logger.info("%s, %s", venue, strike)

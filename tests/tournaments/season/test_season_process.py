@@ -10,7 +10,7 @@ import pytest
 from family import PATIENCE_S, ArenaProcess
 
 from arena.game.keys import derive_map_key
-from arena.network.session import free_port
+from arena.network.address import free_port
 from arena.records.journal_folder import find_journals, load_journal
 from arena.records.plan import LeagueMatchId
 from tournaments.league.secret import commit_to

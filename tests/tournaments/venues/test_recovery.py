@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from arena.errors import JournalError
 from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load
 from arena.game.types import Team, Termination
@@ -16,7 +17,17 @@ from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Receipt
-from arena.records.journal import Header, Mark, journal_name, read_journal, write_receipt, write_seats, write_signature
+from arena.records.journal import (
+    Header,
+    Mark,
+    identity_of,
+    journal_name,
+    read_journal,
+    write_receipt,
+    write_seats,
+    write_signature,
+)
+from arena.records.journal_folder import JournalFolder, find_journals
 from arena.records.plan import MatchPlan
 from policies.registry import load as load_policy
 from tournaments.fixture import plan_fixture
@@ -85,6 +96,47 @@ def test_no_match_that_has_a_whole_journal_is_played_again(tmp_path: Path) -> No
 
     assert again == told
     assert {path for path, at in written.items() if path.stat().st_mtime_ns != at} == {gone}
+
+
+@pytest.mark.usefixtures("one_core")
+def test_what_a_bundle_lacks_is_played_again_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("arena.local.venue.MOST_FILES", 1)
+    setting, kept = make_setting(tmp_path), JournalFolder(tmp_path / "journals")
+    told = by_identity(list(play_local(setting, PLANS)))
+    journals = {identity: kept.read(identity) for identity in told}
+    last = sorted(setting.journals.iterdir())[-1]
+    whole = {path: path.read_bytes() for path in setting.journals.iterdir()}
+
+    for n_cut in (1, 500, len(whole[last]) - 40):  # of the index, of a journal, of all but the first bytes
+        for path in setting.journals.iterdir():
+            path.unlink()
+        for path, data in whole.items():
+            path.write_bytes(data[:-n_cut] if path == last else data)
+        before = JournalFolder(setting.journals).identities()
+
+        assert by_identity(list(play_local(setting, PLANS))) == told
+        kept = JournalFolder(setting.journals)
+        assert {identity: kept.read(identity) for identity in kept.identities()} == journals
+        added = [identity for path in set(setting.journals.iterdir()) - set(whole) for identity in names_in(path)]
+        assert sorted(added) == sorted(set(journals) - before)
+        assert bool(added) == (n_cut > 1)
+
+
+def names_in(path: Path) -> list[str]:
+    return [identity_of(found.name) for found in find_journals([path])]
+
+
+@pytest.mark.usefixtures("one_core")
+def test_a_bundle_of_a_newer_arena_stops_a_league_before_anything_is_played_twice(tmp_path: Path) -> None:
+    setting = make_setting(tmp_path)
+    setting.journals.mkdir()
+    (setting.journals / "000001.journals").write_bytes(b"ARENA-JOURNALS-2\nin another way")
+
+    with pytest.raises(JournalError, match="is of format 2, which this arena does not know; install a newer arena"):
+        list(play_local(setting, PLANS))
+    assert len(list(setting.journals.iterdir())) == 1
+    set_aside(setting.journals)
+    assert not setting.journals.exists()
 
 
 @pytest.mark.usefixtures("one_core")
