@@ -22,7 +22,8 @@ from arena.errors import ArenaError, InputError
 from arena.game.ruleset import load
 from arena.game.types import Team
 from arena.jit import cache_root
-from arena.network.session import free_port, open_router, read_key, read_payload
+from arena.network.address import free_port
+from arena.network.session import open_router, read_key, read_payload
 from arena.protocol import topics
 from benchmarks.measuring.many_seats import PIT, ManySeats
 from benchmarks.measuring.processor_time import children_of, spent_by
