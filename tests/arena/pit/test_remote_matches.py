@@ -211,11 +211,7 @@ def test_a_worker_of_another_version_is_refused_with_a_sentence(tmp_path: Path) 
     try:
         with pytest.raises(
             ArenaError,
-<<<<<<<< HEAD:tests/arena/pit/test_worker_processes.py
-            match=r"^worker 3 is a worker of another version: protocol 99 for \d+; the arena was installed anew: start arena",
-========
             match=r"^worker 3 is a worker of another version: protocol 99 for \d+; the arena was installed anew",
->>>>>>>> workers:tests/arena/pit/test_remote_matches.py
         ):
             heard.get(timeout=60.0)()
     finally:
