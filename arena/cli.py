@@ -12,7 +12,7 @@ may rely on this:
   All three clean what they print, so that no text of a stranger's reaches the terminal raw.
 """
 
-import logging
+import os
 import sys
 from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points, version
@@ -22,7 +22,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
-from arena.console import AsJson, LineFormatter, complete_ruleset, print_json, print_table, say, say_lines
+from arena.console import AsJson, complete_ruleset, print_json, print_table, say, say_lines, set_up_logging
 from arena.errors import ArenaError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def run(app: typer.Typer) -> None:
         app(prog_name="arena")
     except ArenaError as error:
         first, *others = map(str, error.args)
-        say(f"arena: {first}", *others, err=True)
+        say(f"arena: {first}", *others, err=True, level="error")
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         sys.exit(130)
@@ -123,15 +123,19 @@ def _print_version(wanted: bool) -> None:
 
 def arena(
     verbose: Annotated[int, typer.Option("--verbose", "-v", count=True, help="Log matches; twice, log ticks.")] = 0,
+    log_format: Annotated[
+        str, typer.Option(envvar="ARENA_LOG", metavar="text|json", help="How to log; json is an object a line, with its matches.")
+    ] = "text",
     version: Annotated[
         bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and exit.")
     ] = False,
 ) -> None:
     """Let algorithms play Capture-the-Flag in the fog."""
-    level = (logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)]
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(LineFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    logging.basicConfig(level=level, handlers=[handler])
+    if log_format not in ("text", "json"):
+        raise InputError(f"--log-format, or ARENA_LOG, is {log_format!r}; it must be text or json")
+    if log_format == "json":
+        os.environ["ARENA_LOG"] = log_format  # for all that this command starts
+    set_up_logging(verbose, log_format)
 
 
 def rules(

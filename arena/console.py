@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
+from datetime import UTC, datetime
 from io import StringIO
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -36,9 +37,16 @@ def clean(text: str) -> str:
     return text if text.isprintable() else "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def say(*lines: str, err: bool = False) -> None:
-    """Print lines, cleaned: a line break within one is shown, and begins no other line."""
-    typer.echo("\n".join(map(clean, lines)), err=err)
+def say(*lines: str, err: bool = False, level: str = "info") -> None:
+    """Print lines, cleaned: a line break within one is shown, and begins no other line.
+
+    What goes to stderr while logs are JSON is a log record of this level.
+    """
+    if err and any(isinstance(handler.formatter, JsonFormatter) for handler in logging.getLogger().handlers):
+        for line in lines:
+            typer.echo(_to_log_line(time.time(), level, "said", line), err=True)
+    else:
+        typer.echo("\n".join(map(clean, lines)), err=err)
 
 
 def say_lines(text: str, *, err: bool = False) -> None:
@@ -55,6 +63,34 @@ class LineFormatter(logging.Formatter):
 
     def formatException(self, ei: Any) -> str:
         return "\n".join(map(clean, super().formatException(ei).split("\n")))
+
+
+class JsonFormatter(logging.Formatter):
+    """Formats log records as JSON, one object a line, for what collects logs.
+
+    A record that was given `extra={"facts": {...}}` says by `event` what happened, and to which `match` and `team`.
+    """
+
+    def format(self, record: logging.LogRecord) -> str:
+        facts: dict[str, object] = {"event": "log", **getattr(record, "facts", {}), "logger": record.name}
+        if record.exc_info:
+            facts["traceback"] = self.formatException(record.exc_info)
+        event = str(facts.pop("event"))
+        return _to_log_line(record.created, record.levelname.lower(), event, record.getMessage(), **facts)
+
+
+def _to_log_line(at_s: float, level: str, event: str, text: str, **facts: object) -> str:
+    moment = datetime.fromtimestamp(at_s, UTC).isoformat(timespec="milliseconds")
+    return to_json({"time": moment, "level": level, "event": event, **facts, "text": text}, indent=None)
+
+
+def set_up_logging(verbosity: int, form: str) -> None:
+    """Log to stderr, as text or as JSON; warnings, and from a verbosity of 1 on matches, which JSON always has, then ticks."""
+    is_json = form == "json"
+    level = (logging.WARNING, logging.INFO, logging.DEBUG)[min(max(verbosity, int(is_json)), 2)]
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(JsonFormatter() if is_json else LineFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(level=level, handlers=[handler])
 
 
 def to_json(value: object, *, indent: int | None = 2) -> str:

@@ -43,7 +43,7 @@ _EVERY_S = 4.0
 """Mean time from the end of a fault to the next."""
 _LASTS_S = (0.5, 8.0)
 """Of what is stopped, cut or full."""
-_SELDOM = 0.25
+_SELDOM = 0.1
 """Weight of what ends a process that is to live long, so that it can be seen whether its memory grows."""
 _POLL_S, _LOOK_S, _SAY_S = 0.2, 2.0, 30.0
 _COME_S, _END_S = 180.0, 300.0
@@ -52,8 +52,8 @@ _ROUND_PAIRS = 5
 """By which the league grows, whenever it has been played."""
 _JUDGED_MIN = 5.0
 """Of measurement, from which on it is judged whether something grows."""
-MOST_GROWTH = {"memory_kb": 300.0, "handles": 0.5, "threads": 0.2}
-"""A minute, of one process."""
+MOST_GROWTH = {"memory_kb": 1_000.0, "handles": 0.5, "threads": 0.2}
+"""A minute, of one process. A pit remembers its last 10,000 matches, at 2.5 kB each, and plays some 200 of them a minute here."""
 Progress = Callable[[str], None]
 
 

@@ -3,6 +3,7 @@
 It loses nothing but time when the pit goes away: it connects anew, and the core asks for the seats that it held.
 """
 
+import logging
 import math
 import time
 import uuid
@@ -24,6 +25,7 @@ from clients.seat import Seat
 from clients.settings import ClientSettings
 from policies.precompile import precompile
 
+logger = logging.getLogger(__name__)
 MOST_WAITING = 2_000
 """Messages in the queue."""
 TICK_S = 0.25
@@ -158,8 +160,10 @@ class Runner:
                 case events.CloseSeat():
                     self._close(effect.slot)
                 case events.MatchBegun():
+                    _log("seat taken", effect.seat)
                     self._on_seat(effect.seat)
                 case events.MatchEnded():
+                    _log("match ended", effect.seat, **effect.seat.result().to_dict())
                     self._on_end(effect.seat)
                 case events.Waiting():
                     self._on_wait(effect.reason)
@@ -209,6 +213,12 @@ class Runner:
             name = transcript_name(settings.pit, ticket.match, seat.team)
             seat.keep(TranscriptWriter(settings.transcripts / name, header), explains=settings.explains)
         return seat
+
+
+def _log(event: str, seat: Seat, **more: object) -> None:
+    team = seat.team.name.lower()
+    facts = {"event": event, "match": seat.ticket.match, "team": team, "opponent": seat.ticket.opponent, **more}
+    logger.info("%s: %s in match %s against %s", event, team, seat.ticket.match, seat.ticket.opponent, extra={"facts": facts})
 
 
 def _deliver(slot: int, sample: Sample) -> events.Event:

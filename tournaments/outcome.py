@@ -56,6 +56,13 @@ class Outcome:
         """Who won and how, as in "rush wins by forfeit (red vanished)"."""
         return self.result.headline(self.blue, self.red)
 
+    @property
+    def log_facts(self) -> dict[str, object]:
+        """What a log says of it once it is stored."""
+        faults = {team.name.lower(): seat.faults for team, seat in self.seats.items()}
+        who = {"identity": self.identity, "blue": self.blue, "red": self.red}
+        return {"event": "match stored", **who, **self.result.to_dict(), "faults": faults}
+
     def points(self, entry: str) -> float:
         """Return what the match is worth to one of its two entries: 1 for a win, 0.5 for a draw, 0 for a loss."""
         return self.result.points(Team.BLUE if self.blue == entry else Team.RED)

@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from threading import Event, Thread
 from typing import TYPE_CHECKING
@@ -96,7 +95,7 @@ class _Writer:
                         self._write(some)
                         for record in some:
                             self._unwritten.popleft()
-                            self.written.append(replace(record, journal=None))
+                            self.written.append(record.without_journal())
         except Exception as error:  # noqa: BLE001 - raised anew by whoever waits for the writer
             self._failure = error
 

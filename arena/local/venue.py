@@ -17,32 +17,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from arena.game.engine import BatchedGame
-from arena.game.keys import MatchKeys
 from arena.game.ruleset import Ruleset
-from arena.game.types import Team, Termination
+from arena.game.types import Team
+from arena.local import bare
+from arena.local.bare import BareFaults, BarePlan, BareResult
 from arena.local.saving import MOST_FILES, make_journals_folder, save
 from arena.local.workers import send_to_parent, work
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
 from arena.records.journal import Header, Mark, write_ending, write_start
 from arena.records.plan import MatchPlan
-from arena.records.replay import match_result
+from arena.records.replay import make_result, match_results
 
 ROWS = 512
 """Matches in a batch: enough to make the cost of a tick in Python small beside that of the games."""
-MATCHES_PER_TASK = 1024
-"""At most: what a killed worker has to play again."""
+MATCHES_PER_TASK = 4096
+"""At most: a worker hands over its results by the task."""
 _FEWEST_PER_TASK, _TASKS_PER_WORKER = 32, 4
 Load = Callable[[str], BatchFactory]
 """Makes a fighter from its name; a plain function, so that it can be sent to another process."""
 
-
-BarePlan = tuple[str, str, str, bytes, bytes]
-"""A plan as it crosses to another process: as dataclasses, pickling took longer than playing."""
-_BareResult = tuple[int, int, int, int]
-_BareFaults = tuple[int, int, str | None, dict[str, tuple[str, int]], dict[str, int]]
-BareRecord = tuple[str, _BareResult, tuple[_BareFaults, _BareFaults], tuple[int, int], bytes | None]
-"""A record as it comes back."""
-_TEAMS = {int(Team.BLUE): Team.BLUE, int(Team.RED): Team.RED, -1: None}
+BareRecord = tuple[str, BareResult, BareFaults, tuple[int, int], bytes | None]
+"""A record as it comes back from another process."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +52,10 @@ class MatchRecord:
     """Turns of each team with an answer that was not one action per unit, as the journal marks them."""
     journal: bytes | None
     """The canonical journal, unless it was written to a folder."""
+
+    def without_journal(self) -> "MatchRecord":
+        """Return the same without its journal, once that is written."""
+        return MatchRecord(plan=self.plan, result=self.result, faults=self.faults, n_unreadable=self.n_unreadable, journal=None)
 
     def points(self, entry: str) -> float:
         """Return what the match is worth to one of its two entries: 1 for a win, 0.5 for a draw, 0 for a loss."""
@@ -118,7 +117,7 @@ def play(
         return
     by_identity = {plan.identity: plan for plan in plans}
     send = None if on_news is None else send_to_parent
-    jobs = [partial(play_bare, ruleset, strip(task), load, keep, send) for task in tasks]
+    jobs = [partial(play_bare, ruleset, bare.strip(task), load, keep, send) for task in tasks]
     for played in work(jobs, n_workers, None if on_news is None else lambda message: on_news(_news(message))):
         yield from dress(played, by_identity)
 
@@ -139,11 +138,6 @@ def split(plans: Sequence[MatchPlan], n_workers: int) -> list[list[MatchPlan]]:
     return tasks
 
 
-def strip(plans: Sequence[MatchPlan]) -> list[BarePlan]:
-    """Return plans as they cross to another process."""
-    return [(plan.identity, plan.blue, plan.red, plan.keys.map_key, plan.keys.match_key) for plan in plans]
-
-
 def play_bare(
     ruleset: Ruleset,
     plans: list[BarePlan],
@@ -152,53 +146,28 @@ def play_bare(
     send: Callable[[tuple[Any, ...]], None] | None = None,
 ) -> list[BareRecord]:
     """Play a task in another process, which sends its news, stripped as well."""
-    on_news = None if send is None else lambda news: send((news.identity, _strip_result(news.result), news.reasons))
-    whole = [
-        MatchPlan(identity=identity, blue=blue, red=red, keys=MatchKeys(map_key=map_key, match_key=match_key))
-        for identity, blue, red, map_key, match_key in plans
+    on_news = None if send is None else lambda news: send((news.identity, bare.strip_result(news.result), news.reasons))
+    return [
+        (one.plan.identity, bare.strip_result(one.result), bare.strip_faults(one.faults), one.n_unreadable, one.journal)
+        for one in _play_task(ruleset, bare.dress(plans), load, keep, on_news)
     ]
-    played: list[BareRecord] = []
-    for record in _play_task(ruleset, whole, load, keep, on_news):
-        blue, red = ((one.raised, one.illegal, one.first_traceback, one.reasons, one.counted) for one in record.faults)
-        played.append(
-            (
-                record.plan.identity,
-                _strip_result(record.result),
-                (blue, red),
-                record.n_unreadable,
-                record.journal,
-            )
-        )
-    return played
 
 
 def dress(played: list[BareRecord], by_identity: Mapping[str, MatchPlan]) -> Iterator[MatchRecord]:
     """Yield records that came back, with their plans."""
-    for identity, result, (blue, red), n_unreadable, journal in played:
+    for identity, result, faults, n_unreadable, journal in played:
         yield MatchRecord(
             plan=by_identity[identity],
-            result=_dress_result(*result),
-            faults=(_faults(blue), _faults(red)),
+            result=make_result(*result),
+            faults=bare.dress_faults(faults),
             n_unreadable=n_unreadable,
             journal=journal,
         )
 
 
-def _faults(bare: _BareFaults) -> Faults:
-    return Faults(raised=bare[0], illegal=bare[1], first_traceback=bare[2], reasons=bare[3], counted=bare[4])
-
-
-def _strip_result(result: MatchResult) -> _BareResult:
-    return int(result.ending), -1 if result.winner is None else int(result.winner), result.score, result.ticks
-
-
-def _dress_result(ending: int, winner: int, score: int, ticks: int) -> MatchResult:
-    return MatchResult(ending=Termination(ending), winner=_TEAMS[winner], score=score, ticks=ticks)
-
-
 def _news(message: tuple[Any, ...]) -> News:
     identity, result, reasons = message
-    return News(identity, _dress_result(*result), reasons)
+    return News(identity, make_result(*result), reasons)
 
 
 def _play_task(
@@ -247,6 +216,13 @@ def play_batch(ruleset: Ruleset, plans: Iterable[MatchPlan], blue: BatchFactory,
             free.append(row)
         refill = free[: len(waiting)]
         batch.start(refill, [waiting.pop() for _ in refill])
+        batch.empty(free[len(refill) :])
+
+
+def _split(facts: np.ndarray) -> list[bytes]:
+    """Return the bytes of each row."""
+    data, n_bytes = facts.tobytes(), facts[0].nbytes
+    return [data[at : at + n_bytes] for at in range(0, len(data), n_bytes)]
 
 
 class Batch:
@@ -264,6 +240,9 @@ class Batch:
         self._n_orders = sum(sizes.values())
         self.orders = {team: np.zeros((n_rows, sizes[team]), np.int8) for team in Team}
         self._n_unreadable = np.zeros((n_rows, len(Team)), np.int64)
+        self._no_marks = np.zeros((n_rows, len(Team)), np.uint8)
+        self._tags = np.full((n_rows, 1), ord("T"), np.uint8)
+        self._is_running = np.zeros(n_rows, np.bool_)
         self._chains = [b""] * n_rows
         self._pieces: list[list[bytes]] = [[] for _ in range(n_rows)]
 
@@ -273,16 +252,21 @@ class Batch:
             return
         self.games.start(rows, [plan.keys for plan in plans])
         self._n_unreadable[rows] = 0
-        states = self.games.digestible()
-        for row, plan in zip(rows, plans, strict=True):
+        self._is_running[rows] = True
+        grounds, states = (_split(facts[rows]) for facts in (self.games.state.ground, self.games.digestible()))
+        for row, plan, ground, state in zip(rows, plans, grounds, states, strict=True):
             header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
-            data, chain = write_start(header, self.games.state.ground[row].tobytes(), states[row].tobytes())
-            self._pieces[row], self._chains[row] = [data], chain
+            data, self._chains[row] = write_start(header, ground, state)
+            self._pieces[row] = [data]
             self.running[row] = plan
         for fighter in self.fighters.values():
             for row, plan in zip(rows, plans, strict=True):
                 fighter.name_match(row, plan.identity)
             fighter.start(np.asarray(rows, np.intp))
+
+    def empty(self, rows: Sequence[int]) -> None:
+        """Take all units off rows whose match has ended: for nobody, fighters have nothing to think about."""
+        self.games.state.alive[rows] = 0
 
     def play_tick(self) -> list[tuple[int, MatchRecord]]:
         """Play one tick of every running match; return the rows whose match ended, with its record."""
@@ -300,18 +284,27 @@ class Batch:
     def step(self) -> list[tuple[int, MatchRecord]]:
         """Play what was ordered; return as `play_tick` does."""
         orders = np.concatenate([self.orders[team] for team in Team], axis=1)
-        unreadable = np.stack([(self.orders[team] < 0).any(axis=1) for team in Team], axis=1)
-        self._n_unreadable += unreadable
-        marks = unreadable.astype(np.uint8) * np.uint8(Mark.UNREADABLE)
-        np.maximum(orders, 0, out=orders)
+        marks = self._no_marks
+        if orders.min(initial=0) < 0:
+            unreadable = np.stack([(self.orders[team] < 0).any(axis=1) for team in Team], axis=1)
+            self._n_unreadable += unreadable
+            marks = unreadable.astype(np.uint8) * np.uint8(Mark.UNREADABLE)
+            np.maximum(orders, 0, out=orders)
         self.games.step(orders)
         self._write(orders, marks)
-        return [(row, self._finish(row)) for row in np.flatnonzero(self.games.is_over).tolist() if row in self.running]
+        ended = np.flatnonzero(self.games.is_over & self._is_running).tolist()
+        if not ended:
+            return []
+        self._is_running[ended] = False
+        results, n_unreadable = match_results(self.games, ended), self._n_unreadable[ended].tolist()  # at once: numpy is slow
+        return [
+            (row, self._finish(row, result, blue, red))
+            for row, result, (blue, red) in zip(ended, results, n_unreadable, strict=True)
+        ]
 
     def _write(self, orders: np.ndarray, marks: np.ndarray) -> None:
         """Add the tick to every running match's journal. This loop is the venue's cost per match: what it does, it does once."""
-        tag = np.full((self.n_rows, 1), ord("T"), np.uint8)
-        records = np.concatenate([tag, orders.view(np.uint8), marks, self.games.digestible()], axis=1)
+        records = np.concatenate([self._tags, orders.view(np.uint8), marks, self.games.digestible()], axis=1)
         data, length, n_kept = records.tobytes(), records.shape[1], 1 + self._n_orders + len(Team)
         chains, pieces = self._chains, self._pieces
         for row in self.running:
@@ -319,14 +312,13 @@ class Batch:
             chains[row] = chain = sha256(chains[row] + record).digest()  # as `journal.link`, without its call
             pieces[row].append(record[:n_kept] + chain)
 
-    def _finish(self, row: int) -> MatchRecord:
+    def _finish(self, row: int, result: MatchResult, *n_unreadable: int) -> MatchRecord:
         plan = self.running.pop(row)
-        result = match_result(self.games, row)
         for team, fighter in self.fighters.items():
             if type(fighter).end is not BatchPolicy.end:
                 fighter.end(row, result.seen_by(team))
         self._pieces[row].append(write_ending(self._chains[row], result))
-        blue, red = self._n_unreadable[row].tolist()
+        blue, red = n_unreadable
         return MatchRecord(
             plan=plan,
             result=result,

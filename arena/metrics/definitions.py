@@ -1,4 +1,4 @@
-"""Every metric, once: the pit, the season and the web page tell of those that they have."""
+"""Every metric, once: the pit, the season, the web page and clients tell of those that they have."""
 
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
@@ -44,10 +44,26 @@ WORKER_PROCESSOR_SECONDS = Metric(
 )
 WORKER_RESIDENT_BYTES = Metric(name="arena_worker_resident_bytes", kind="gauge", help="The memory of a worker.", label="worker")
 WORKER_FILES = Metric(name="arena_worker_open_files", kind="gauge", help="Files that a worker has open.", label="worker")
-PIT_REACHABLE = Metric(name="arena_pit_reachable", kind="gauge", help="1 if the pit answers the web page, else 0.")
+STORE_SECONDS = Metric(
+    name="arena_store_seconds", kind="histogram", help="How long transactions of the store took, waiting included."
+)
+STORE_FAILURES = Metric(
+    name="arena_store_failures", kind="counter", help="Transactions that failed, those that were tried again too."
+)
+SEAT_P99_SECONDS = Metric(
+    name="arena_seat_p99_seconds",
+    kind="histogram",
+    help="For each seat of each match, once it is over, the 99th percentile of its turns.",
+)
+THINK_SECONDS = Metric(name="arena_think_seconds", kind="histogram", help="How long the policy thought, once its match is over.")
+PIT_REACHABLE = Metric(name="arena_pit_reachable", kind="gauge", help="1 if the pit answers the web page or the client, else 0.")
 PAGES_OPEN = Metric(name="arena_pages_open", kind="gauge", help="Pages that stay connected to watch or to play.")
 PAGE_SECONDS = Metric(name="arena_page_seconds", kind="histogram", help="How long the web server took to answer.")
 METRICS = tuple(value for value in list(globals().values()) if isinstance(value, Metric))
+
+
+TURN_BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
+"""Of histograms of turns, and of what takes as long."""
 
 
 @dataclass(slots=True)

@@ -126,7 +126,8 @@ class MatchSessions:
             logger.warning("%s cannot be resumed: %s", found.name, error)
             return []
         session = self._add(match, found.entries, found.nonce, lane)
-        logger.info("resumed %s at tick %d", match.header.identity, match.tick)
+        facts = {"event": "match resumed", "match": session.id, "identity": match.header.identity, "tick": match.tick}
+        logger.info("resumed %s at tick %d", match.header.identity, match.tick, extra={"facts": facts})
         opened = OpenMatch(session.id, found.name, found.n_bytes, session.lane)
         return [opened, *self._settle(session, session.carry(match_effects), now_s)]
 
@@ -200,8 +201,11 @@ class MatchSessions:
         assert result is not None
         del self._running[session.id]
         self._closing[session.id] = _Closing(session, now_s + RECEIPTS_S)
-        logger.info("match %s: %s, winner %s", match.header.identity, result.ending.name.lower(), result.winner)
         records = {team: match.record(team) for team in Team}
+        facts = {"event": "match ended", "match": session.id, "identity": match.header.identity, **result.to_dict()}
+        facts["faults"] = {team.name.lower(): record.faults() for team, record in records.items()}
+        ending = result.ending.name.lower()
+        logger.info("match %s: %s, winner %s", match.header.identity, ending, result.winner, extra={"facts": facts})
         ended = MatchEnded(header=match.header, result=result, seats=records, entries=session.entries)
         return effects + self._on_over(MatchOver(session.id, ended, session.ending))
 

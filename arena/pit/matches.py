@@ -137,7 +137,8 @@ class Matches:
         for team, slot in pairing.slots.items():
             self._seats.take(Seat(match, team), slot)
         self.n_begun += 1
-        logger.info("match %s begins: blue %s, red %s", header.identity, header.blue, header.red)
+        facts = {"event": "match begins", "match": match, "identity": plan.identity, "blue": plan.blue, "red": plan.red}
+        logger.info("match %s begins: blue %s, red %s", header.identity, header.blue, header.red, extra={"facts": facts})
         return match, effects
 
     def resume(self, found: UnfinishedFound, now_s: float) -> list[Effect]:

@@ -17,6 +17,7 @@ from arena.metrics.definitions import (
     STORE_LAG_SECONDS,
     STORE_ROWS_WAITING,
     TICKS,
+    TURN_BOUNDS_S,
     TURN_SECONDS,
     WORKER_FILES,
     WORKER_MATCHES,
@@ -33,7 +34,6 @@ from arena.pit.referee import Referee
 
 PATIENCE_S = 5.0
 """How long the referee may take to answer: five hundred sweeps, and less than a health check waits."""
-_BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
 
 
 class PitMonitor:
@@ -44,7 +44,7 @@ class PitMonitor:
         self._endings: Counter[str] = Counter()
         self._faults: Counter[str] = Counter()
         self._n_ticks = 0
-        self._turns = Histogram(_BOUNDS_S)
+        self._turns = Histogram(TURN_BOUNDS_S)
         self._is_asked = False
         self._answered = Event()
         self._readings: list[Reading] = []

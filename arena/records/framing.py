@@ -6,6 +6,7 @@ that names the kind of file.
 
 import struct
 from collections.abc import Callable
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -20,6 +21,8 @@ from arena.policy import MatchResult
 
 _LENGTH = struct.Struct("<I")
 _MAX_FRAME = 1 << 20
+_ENDINGS_KNOWN = 4096
+"""Most matches end like one before."""
 _READING = (ValueError, KeyError, TypeError, AttributeError, InputError, msgpack.UnpackException)
 """What values that another wrote may raise."""
 
@@ -115,6 +118,7 @@ def read_header(data: bytes, kind: str, make: Callable[[dict[str, Any], Ruleset]
         raise JournalError(f"the {kind}'s header was changed: {error!r} on reading it") from error
 
 
+@lru_cache(maxsize=_ENDINGS_KNOWN)
 def pack_ending(result: MatchResult) -> bytes:
     """Return the bytes of how a match ended."""
     return bytes(msgpack.packb(result.to_dict()))

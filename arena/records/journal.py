@@ -21,6 +21,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntFlag
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -50,10 +51,17 @@ from arena.records.plan import network_name
 MAGIC = b"ARENA-JOURNAL-1\n"
 CHAIN_BYTES = 32
 _KIND = "journal"
+_MAP_OF_7 = b"\x87"
+"""The byte that a map of so many begins with in msgpack; smaller ones begin with one byte, too."""
 SUFFIX = ".journal"
 _SEATS_BYTES = 3 * PUBLIC_BYTES + SIGNATURE_BYTES
 NONCE_BYTES = 16
 _SEAL_BYTES = {b"K": _SEATS_BYTES, b"N": NONCE_BYTES, b"R": 1 + 4 + CHAIN_BYTES + SIGNATURE_BYTES, b"S": SIGNATURE_BYTES}
+
+
+@lru_cache(maxsize=64)
+def _pack_rules(ruleset: Ruleset) -> bytes:
+    return bytes(msgpack.packb({"ruleset": rules_values(ruleset)}))
 
 
 class Mark(IntFlag):
@@ -76,17 +84,11 @@ class Header:
     keys: MatchKeys
 
     def pack(self) -> bytes:
-        """Return the header's bytes."""
-        values = {
-            "rules_version": RULES_VERSION,
-            "identity": self.identity,
-            "blue": self.blue,
-            "red": self.red,
-            "ruleset": rules_values(self.ruleset),
-            "map_key": self.keys.map_key,
-            "match_key": self.keys.match_key,
-        }
-        return bytes(msgpack.packb(values))
+        """Return the header's bytes: one map, whose rules are packed once for all matches."""
+        names = {"rules_version": RULES_VERSION, "identity": self.identity, "blue": self.blue, "red": self.red}
+        keys = {"map_key": self.keys.map_key, "match_key": self.keys.match_key}
+        parts = msgpack.packb(names), _pack_rules(self.ruleset), msgpack.packb(keys)
+        return _MAP_OF_7 + b"".join(part[1:] for part in parts)
 
     @classmethod
     def unpack(cls, data: bytes) -> "Header":

@@ -1,7 +1,8 @@
 """Play a journal again, tick by tick, and compare every state with the chain."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,6 +12,10 @@ from arena.game.state import StateField
 from arena.game.types import Team, Termination
 from arena.policy import MatchResult
 from arena.records.journal import CHAIN_BYTES, Journal, write_ending, write_start, write_tick
+
+_FACTS = [int(fact) for fact in (StateField.ENDING, StateField.WINNER, StateField.SCORE, StateField.TICK)]
+_RESULTS_KNOWN = 4096
+"""Most matches end like one before."""
 
 
 class BrokenChainError(ArenaError):
@@ -23,14 +28,20 @@ class BrokenChainError(ArenaError):
 
 def match_result(games: BatchedGame, game: int) -> MatchResult:
     """Return how a finished game ended; `score` is blue's."""
-    field = games.state.field[game]
-    winner = int(field[StateField.WINNER])
-    return MatchResult(
-        ending=Termination(int(field[StateField.ENDING])),
-        winner=None if winner < 0 else Team(winner),
-        score=int(field[StateField.SCORE]),
-        ticks=int(field[StateField.TICK]),
-    )
+    [result] = match_results(games, [game])
+    return result
+
+
+def match_results(games: BatchedGame, ended: Sequence[int]) -> list[MatchResult]:
+    """Return how each of some finished games ended."""
+    facts = games.state.field[np.asarray(ended, np.intp)[:, None], _FACTS]
+    return [make_result(*values) for values in facts.tolist()]
+
+
+@lru_cache(maxsize=_RESULTS_KNOWN)
+def make_result(ending: int, winner: int, score: int, ticks: int) -> MatchResult:
+    """Return a result from the numbers that the state of a game has for it; a `winner` of -1 is none."""
+    return MatchResult(ending=Termination(ending), winner=None if winner < 0 else Team(winner), score=score, ticks=ticks)
 
 
 def replay(journal: Journal) -> Iterator[BatchedGame]:

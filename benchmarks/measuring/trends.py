@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-WARM_UP_S = 60.0
+WARM_UP_S = 120.0
 """Of each life: so long, caches fill."""
 _LEAST = 10
 """Samples, without which a slope says nothing."""

@@ -54,6 +54,9 @@ def join(
     limit: Annotated[
         list[str] | None, typer.Option(metavar="NAME=N", help="What it may use, as memory_mb=500; may be repeated.")
     ] = None,
+    metrics: Annotated[
+        str, typer.Option(metavar="HOST:PORT", help="Tell a monitor /healthz and /metrics there; as in 127.0.0.1:9102.")
+    ] = "",
     alive: Annotated[Path | None, typer.Option(hidden=True, help="File to touch several times a second.")] = None,
     notes_file: Annotated[
         Path | None,
@@ -62,6 +65,7 @@ def join(
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where transcripts live; your data folder without it.")] = None,
 ) -> None:
     """Play matches in a pit, and print how each ended."""
+    from contextlib import nullcontext
     from dataclasses import replace
 
     from arena.compiling import compile_kernels, game_kernels
@@ -69,10 +73,13 @@ def join(
     from arena.game.ruleset import load as load_rules
     from arena.keyring.files import load, load_or_make
     from arena.keyring.ring import entry_key_path
+    from arena.metrics import exposition
+    from arena.metrics.server import serve_metrics
     from arena.network.address import parse_address
     from arena.protocol.topics import check_label
     from arena.sandbox.limits import BEHIND_A_WALL, NO_LIMITS
     from clients.feedback import Feedback
+    from clients.monitor import ClientMonitor
     from clients.runner import Runner
     from clients.settings import ClientSettings
     from clients.versions import find_version
@@ -82,6 +89,8 @@ def join(
     from policies.registry import load as load_policy
     from policies.workers.policy import WorkerFactory
 
+    if metrics:
+        exposition.check()
     if team not in ("red", "blue", "any"):
         raise InputError(f"--team is {team!r}; it must be red, blue or any")
     where = parse_address(address or pit)
@@ -145,13 +154,15 @@ def join(
             printed.add(reason)
             say(f"{settings.name} waits {reason}", err=True)
 
-    feedback = Feedback()
+    feedback, monitor = Feedback(), ClientMonitor()
 
     def on_seat(seat: "Seat") -> None:
         feedback.begin(seat)
+        monitor.begin(seat)
         _print_seat(seat)
 
     def on_tick() -> None:
+        monitor.see()
         if alive is not None:
             alive.touch()
         for sentence in feedback.news():
@@ -159,16 +170,20 @@ def join(
 
     def on_end(seat: "Seat") -> None:
         on_tick()
+        monitor.count(seat)
         _print_result(seat, feedback)
 
     runner = Runner(settings, on_seat=on_seat, on_end=on_end, on_wait=on_wait, on_tick=on_tick)
     signal.signal(signal.SIGTERM, lambda *_: runner.stop())
+    told = serve_metrics(metrics, monitor.read) if metrics else nullcontext()
     if workers is None:
-        runner.run()
+        with told:
+            runner.run()
         return
     try:
         workers.wake = runner.wake
-        runner.run()
+        with told:
+            runner.run()
     except KeyboardInterrupt as error:
         workers.explain(error)
         raise

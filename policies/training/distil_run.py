@@ -35,7 +35,7 @@ from policies.training.record import Record, ReportProgress
 from policies.training.start import read_start
 
 MOST_NORM = 1.0
-AT_ONCE = 8
+AT_ONCE = 4
 """Files whose samples are mixed, and held in memory, at a time."""
 UNSEEN_EVERY = 10
 """Of the files of a folder's first process, one in so many is not learned from, but shows how the network fares with what it has

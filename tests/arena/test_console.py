@@ -3,10 +3,11 @@
 import json
 import logging
 import sys
+from datetime import datetime
 
 import pytest
 
-from arena.console import LineFormatter, clean, say, say_lines, to_json
+from arena.console import JsonFormatter, LineFormatter, clean, say, say_lines, set_up_logging, to_json
 from arena.errors import InputError
 
 
@@ -52,6 +53,45 @@ def test_what_a_stranger_sent_is_logged_cleanly() -> None:
 
     assert text.startswith("INFO said \\x1b\\n\nTraceback")
     assert "\x1b" not in text
+
+
+def test_a_log_of_json_has_an_object_a_line_for_all_that_goes_to_stderr(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # as in a process that begins
+    monkeypatch.setattr(logging.getLogger(), "level", logging.WARNING)
+    set_up_logging(0, "json")
+    facts = {"event": "match ended", "match": "0123", "team": "red\x9b"}
+    logging.getLogger("arena.pit").info("match %s has ended\n", 7, extra={"facts": facts})
+    say("waits", "for an opponent\x1b", err=True)
+    say("arena: no", err=True, level="error")
+    say("a result")
+
+    out, err = capsys.readouterr()
+
+    assert out == "a result\n"
+    assert all(letter.isprintable() for line in err.splitlines() for letter in line)
+    lines = [json.loads(line) for line in err.splitlines()]
+    assert [(line["level"], line["event"], line["text"]) for line in lines] == [
+        ("info", "match ended", "match 7 has ended\n"),
+        ("info", "said", "waits"),
+        ("info", "said", "for an opponent\x1b"),
+        ("error", "said", "arena: no"),
+    ]
+    assert lines[0].items() >= {**facts, "logger": "arena.pit"}.items()
+    assert all(datetime.fromisoformat(line["time"]).tzinfo is not None for line in lines)
+
+
+def test_a_log_of_json_holds_tracebacks() -> None:
+    try:
+        raise InputError("no")
+    except InputError:
+        record = logging.LogRecord("name", logging.ERROR, "", 0, "said", (), sys.exc_info())
+
+    line = json.loads(JsonFormatter().format(record))
+
+    assert (line["event"], line["level"]) == ("log", "error")
+    assert line["traceback"].startswith("Traceback")
 
 
 def test_an_error_of_several_sentences_has_a_line_for_each() -> None:

@@ -11,7 +11,7 @@ import pytest
 from arena.errors import ArenaError
 from arena.records.journal import journal_name
 from benchmarks.measuring.reckoning import reckon_league
-from benchmarks.measuring.trends import Lives
+from benchmarks.measuring.trends import WARM_UP_S, Lives
 from benchmarks.soak import measure
 from tournaments.commands import bench
 from tournaments.league.file import load_league
@@ -79,7 +79,7 @@ def test_a_slope_is_found_within_lives_and_noise_is_none() -> None:
     random = np.random.default_rng(5)
     flat, grows = Lives(), Lives()
     for life, level in enumerate((100.0, 900.0, 300.0)):
-        for step in range(120):
+        for step in range(150):
             at_s, noise = 2.0 * step, float(random.normal(0, 5))
             start = 500.0 * max(0.0, 1 - at_s / 60)  # the warm-up
             flat.add(life, at_s, level - start + noise)
@@ -91,7 +91,7 @@ def test_a_slope_is_found_within_lives_and_noise_is_none() -> None:
     assert none is not None
     assert 15 < found.low < 20 < found.high < 25
     assert none.low < 0 < none.high
-    assert found.minutes == pytest.approx(3 * 178 / 60)
+    assert found.minutes == pytest.approx(3 * (298 - WARM_UP_S) / 60)
     assert Lives().slope() is None
 
 

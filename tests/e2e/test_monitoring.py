@@ -1,5 +1,6 @@
 """What a monitor is told by an open pit and by its web page, both of them real processes."""
 
+import json
 import signal
 import socket
 import urllib.error
@@ -7,6 +8,7 @@ import urllib.request
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 from commands import Command
@@ -19,9 +21,9 @@ from tournaments.store.schema import LADDER_MATCHES
 
 @pytest.fixture
 def ports() -> list[int]:
-    """Return two ports that were free a moment ago."""
+    """Return three ports that were free a moment ago."""
     with ExitStack() as probes:
-        found = [probes.enter_context(socket.socket()) for _ in range(2)]
+        found = [probes.enter_context(socket.socket()) for _ in range(3)]
         for probe in found:
             probe.bind(("127.0.0.1", 0))
         return [int(probe.getsockname()[1]) for probe in found]
@@ -42,17 +44,28 @@ def ask(url: str, **headers: str) -> int:
         return error.code
 
 
-def test_a_monitor_learns_what_was_played_and_how_the_pit_and_its_page_are(
-    serve: Callable[..., Command], join: Callable[..., Command], ports: list[int], tmp_path: Path
+def logged(process: Command) -> list[dict[str, Any]]:
+    """Return what a process logged."""
+    return [json.loads(line) for line in process.said.splitlines() if line.startswith("{")]
+
+
+def test_a_monitor_learns_what_was_played_and_how_the_pit_its_page_and_a_client_are(
+    serve: Callable[..., Command], join: Callable[..., Command], ports: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pit_url, web_url = (f"http://127.0.0.1:{port}" for port in ports)
+    monkeypatch.setenv("ARENA_LOG", "json")
+    pit_url, web_url, client_url = (f"http://127.0.0.1:{port}" for port in ports)
     pit = serve(
         "--ladder", "--metrics", f"127.0.0.1:{ports[0]}", "--web", ports[1], "--web-host", "0.0.0.0", "--web-name", "arena.test"
     )
     before = scrape(pit_url)
-    players = [join("--policy", "rush", "--name", name, "--no-audit", "--no-transcripts") for name in ("ann", "bob")]
-    assert [player.finish() for player in players] == [0, 0]
+    stays = ("--forever", "--metrics", f"127.0.0.1:{ports[2]}")
+    ann, bob = (
+        join("--policy", "rush", "--name", name, "--no-audit", "--no-transcripts", *more)
+        for name, more in (("ann", ()), ("bob", stays))
+    )
+    assert ann.finish() == 0
     pit.wait_for("pit/ladder/000000/")
+    bob.wait_for('"match ended"')
 
     after = scrape(pit_url)
     with LadderStore(str(tmp_path / "arena.db"), make=False) as store:
@@ -61,8 +74,22 @@ def test_a_monitor_learns_what_was_played_and_how_the_pit_and_its_page_are(
     assert after["arena_ticks_total"] == row.ticks
     assert after[f"arena_matches_ended_total {row.ending}"] == 1
     assert after["arena_turn_seconds_count"] == 2 * row.ticks - after["arena_faults_total late"]
-    assert after["arena_matches_running"] == after["arena_queue_length clients"] == after["arena_store_rows_waiting"] == 0
+    assert after["arena_matches_running"] == after["arena_store_rows_waiting"] == 0
+    assert after["arena_queue_length clients"] in (0, 1)  # bob, as soon as he asks again
+    assert after["arena_store_seconds_count"] > before["arena_store_seconds_count"] > 0
+    assert after["arena_store_failures_total"] == 0
     assert ask(f"{pit_url}/healthz") == 200
+
+    played = scrape(client_url)
+    assert played["arena_ticks_total"] == played["arena_think_seconds_count"] == row.ticks
+    assert played[f"arena_matches_ended_total {row.ending}"] == played["arena_pit_reachable"] == 1
+    assert ask(f"{client_url}/healthz") == 200
+    (ended,) = (line for line in logged(pit) if line["event"] == "match ended")
+    assert (ended["identity"], ended["ticks"]) == (row.identity, row.ticks)
+    for process, events in ((pit, ("match begins", "match ended")), (bob, ("seat taken", "match ended"))):
+        assert [line["event"] for line in logged(process) if line.get("match") == ended["match"]] == list(events)
+    bob.send(signal.SIGTERM)
+    assert bob.finish() == 0
 
     pit.wait_for(f"web page at http://arena.test:{ports[1]}/")
     assert scrape(web_url)["arena_pit_reachable"] in (0, 1)

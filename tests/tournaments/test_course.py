@@ -1,6 +1,7 @@
 """The page of a course, followed from top to bottom by real processes: a season opens, a bot is submitted, all is backed up."""
 
 import json
+import re
 import signal
 import socket
 import subprocess
@@ -65,8 +66,10 @@ def test_the_page_of_a_course_can_be_followed(
             said[line] = done.stdout
 
     assert season is not None, "the page opens no season"
-    with urllib.request.urlopen(f"http://127.0.0.1:{metrics}/healthz", timeout=30) as answer:
-        assert answer.status == 200
+    with urllib.request.urlopen(f"http://127.0.0.1:{metrics}/metrics", timeout=30) as answer:
+        counted = dict(re.findall(r"^(arena_(?:store|seat_p99)_seconds_count) (\S+)$", answer.read().decode(), re.MULTILINE))
+        assert float(counted["arena_store_seconds_count"]) > 0
+        assert float(counted["arena_seat_p99_seconds_count"]) % 2 == 0
     season.send(signal.SIGTERM)
     assert season.finish() == 0
     assert "version 1 of mybot plays from now on" in said["arena submit mybot.py --to ADDRESS"]

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from arena.network.address import Address
     from tournaments.league.season import Phase
     from tournaments.season.service import Season, SeasonState
+    from tournaments.store.season_store import SeasonStore
 
 _TELL_EVERY_S = 60.0
 _HUNG_S = 60.0
@@ -96,7 +97,7 @@ def open_season(
         think_s = check_entries(chosen.entries, chosen.ruleset, chosen.sandboxes)
         running = beside.enter_context(Season(chosen, store, folders, events=events, think_s=think_s))
         if metrics:
-            beside.enter_context(serve_metrics(metrics, _reader(running)))
+            beside.enter_context(serve_metrics(metrics, _reader(running, store)))
         told_at_s = time.monotonic()
         for outcome in running.run(venue, stop.is_set):
             if not as_json and time.monotonic() - told_at_s > _TELL_EVERY_S:
@@ -109,11 +110,11 @@ def open_season(
             tell(f"stopped; arena season open {file} goes on with it", "stopped")
 
 
-def _reader(running: "Season") -> "Callable[[], Sequence[Reading]]":
+def _reader(running: "Season", store: "SeasonStore") -> "Callable[[], Sequence[Reading]]":
     """Return what tells a monitor of a season."""
     import time
 
-    from arena.metrics.definitions import FAULTS, MATCHES_ENDED, MATCHES_RUNNING, QUEUE, TICKS, Reading
+    from arena.metrics.definitions import FAULTS, MATCHES_ENDED, MATCHES_RUNNING, QUEUE, SEAT_P99_SECONDS, TICKS, Reading
 
     def read() -> "Sequence[Reading]":
         state: SeasonState = running.state
@@ -126,6 +127,8 @@ def _reader(running: "Season") -> "Callable[[], Sequence[Reading]]":
             Reading(TICKS, state.n_ticks),
             Reading(FAULTS, state.faults),
             Reading(QUEUE, {"submissions": state.n_waiting}),
+            Reading(SEAT_P99_SECONDS, state.p99s),
+            *store.readings(),
         ]
 
     return read

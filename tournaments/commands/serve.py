@@ -96,6 +96,7 @@ def serve(
     from arena.pit.pit import Pit, PitSettings
     from arena.pit.register import Register, read_invites
     from arena.protocol.topics import check_chunk
+    from tournaments.ladder.ladder import RatedLadder
     from tournaments.ladder.methods import DEFAULT, find_ladder
     from tournaments.web_page import PagePlace, check, web_page
 
@@ -165,7 +166,8 @@ def serve(
     with opened as kept, ExitStack() as beside:
         monitor = PitMonitor() if metrics else None
         if monitor is not None:
-            beside.enter_context(serve_metrics(metrics, monitor.read, monitor.check_health))
+            of_store = kept.readings if isinstance(kept, RatedLadder) else list
+            beside.enter_context(serve_metrics(metrics, lambda: [*monitor.read(), *of_store()], monitor.check_health))
         server = Pit(replace(chosen, ladder=kept, monitor=monitor))
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: server.stop())

@@ -15,6 +15,7 @@ from typing import Any
 
 from arena.errors import ArenaError
 from arena.game.types import Team, Termination
+from arena.metrics.definitions import Reading
 from arena.pit.ladder import Backlog, LadderMatch, Waiting
 from arena.protocol.identity import to_text
 from tournaments.ladder.ladder_store import LadderStore
@@ -128,6 +129,10 @@ class RatedLadder:
         if self._ranked is None or abs(now_s - self._ranked_at_s) > OLD_S:
             self._ranked, self._ranked_at_s = rank([age(entry, now_s) for entry in self._entries.values()]), now_s
         return self._ranked
+
+    def readings(self) -> list[Reading]:
+        """Return what a monitor is told of the store, on any thread."""
+        return self._store.readings()
 
     def backlog(self) -> Backlog:
         """Return what is not stored yet."""

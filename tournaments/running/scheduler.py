@@ -1,5 +1,6 @@
 """Run a league: play what is not stored yet, and store each match as it ends. Stopped at any moment, it goes on from there."""
 
+import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from tournaments.store.store import Store, StoredLeague
 from tournaments.venues.recovery import set_aside
 from tournaments.venues.setting import Venue, VenueSetting
 
+logger = logging.getLogger(__name__)
 MOST_ROUNDS = 3
 """Times that matches which the pit spoiled are played again."""
 
@@ -147,6 +149,7 @@ class Scheduler:
                 self._store.add(self.row, outcome)
                 self._done.add(outcome.identity)
                 del left[outcome.identity]
+                logger.info("match %s is stored", outcome.identity, extra={"facts": outcome.log_facts})
                 yield outcome
         if left:
             raise ArenaError(

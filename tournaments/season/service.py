@@ -17,6 +17,7 @@ from typing import Any, Self
 import numpy as np
 
 from arena.keyring.files import load_or_make
+from arena.metrics.definitions import TURN_BOUNDS_S, Histogram
 from arena.network.address import Address
 from arena.network.session import open_router
 from arena.pit.register import Register, read_invites
@@ -70,6 +71,8 @@ class SeasonState:
     faults: dict[str, int] = field(default_factory=dict)
     """That were counted in them."""
     n_ticks: int = 0
+    p99s: Histogram = field(default_factory=lambda: Histogram(TURN_BOUNDS_S))
+    """Of the turns of each of their seats, the 99th percentile."""
     looked_at_s: float = field(default_factory=time.monotonic)
     """When its thread last did something, by the monotonic clock."""
 
@@ -246,6 +249,7 @@ class Season:
         self._events.on_phase(phase)
 
     def _count(self, outcome: Outcome) -> None:
+        logger.info("match %s is stored", outcome.identity, extra={"facts": outcome.log_facts})
         ending = outcome.result.ending.name.lower()
         self.state.endings = {**self.state.endings, ending: self.state.endings.get(ending, 0) + 1}
         self.state.n_ticks += outcome.result.ticks
@@ -253,6 +257,9 @@ class Season:
         for seat in outcome.seats.values():
             faults.update(seat.faults)
         self.state.faults = dict(faults)
+        p99s = self.state.p99s.copy()
+        p99s.add(seat.latency_p99_s for seat in outcome.seats.values() if seat.latency_p99_s is not None)
+        self.state.p99s = p99s
 
     def _note(self, runner: SeasonRunner) -> None:
         self._suspended = frozenset(runner.suspended)

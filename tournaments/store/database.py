@@ -6,13 +6,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import RLock
+from threading import Lock, RLock
 from typing import Self, TypeVar
 
 from sqlalchemy import Connection, Engine, func, select, text
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DatabaseError
 
+from arena.metrics.definitions import STORE_FAILURES, STORE_SECONDS, TURN_BOUNDS_S, Histogram, Reading
 from tournaments.store.lock import TakenError, lock_file
 from tournaments.store.migrations.upgrade import upgrade
 from tournaments.store.schema import StoreError, explain, is_lost, number, reach
@@ -32,6 +33,9 @@ class Database:
         self._insert = postgresql.insert if self._engine.dialect.name == "postgresql" else sqlite.insert
         self._patience_s = patience_s
         self._sessions: dict[str, _LockedSession] = {}
+        self._counting = Lock()
+        self._took = Histogram(TURN_BOUNDS_S)
+        self._n_failures = 0
         try:
             with self._explaining("open"):
                 upgrade(self._engine, self._where, make=make)
@@ -44,6 +48,11 @@ class Database:
 
     def __exit__(self, *_: object) -> None:
         self._engine.dispose()
+
+    def readings(self) -> list[Reading]:
+        """Return what a monitor is told, on any thread."""
+        with self._counting:
+            return [Reading(STORE_SECONDS, self._took.copy()), Reading(STORE_FAILURES, self._n_failures)]
 
     @contextmanager
     def _explaining(self, what: str) -> Iterator[None]:
@@ -59,12 +68,18 @@ class Database:
         What is done to a league whose lock is held is done in the session that holds it: whoever lost the lock cannot write.
         """
         give_up_at = None
+        begun_s = time.monotonic()
         while True:
             try:
                 session = self._sessions.get(league) if league is not None else None
                 with session.use() if session is not None else self._engine.connect() as connection, connection.begin():
-                    return work(connection)
+                    done = work(connection)
+                with self._counting:
+                    self._took.add([time.monotonic() - begun_s])
+                return done
             except (DatabaseError, TakenError) as error:
+                with self._counting:
+                    self._n_failures += 1
                 is_over = give_up_at is not None and time.monotonic() > give_up_at
                 if isinstance(error, TakenError):
                     if give_up_at is None or is_over:  # until then, the server may not know that our old session is dead

@@ -23,8 +23,9 @@ from ray.exceptions import RayError, RayTaskError
 from arena.errors import ArenaError, InputError
 from arena.game.ruleset import Ruleset
 from arena.game.types import RULES_VERSION
+from arena.local.bare import BarePlan, strip
 from arena.local.saving import MOST_FILES, make_journals_folder, save
-from arena.local.venue import BarePlan, BareRecord, MatchRecord, dress, play_bare, split, strip
+from arena.local.venue import BareRecord, MatchRecord, dress, play_bare, split
 from arena.records.plan import MatchPlan
 from arena.sandbox.process import Sandbox
 from policies.workers.load import load_walled

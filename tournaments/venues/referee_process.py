@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
+from arena.console import set_up_logging
 from arena.errors import ArenaError, InputError
 from arena.game.engine import warm
 from arena.keyring.files import load_or_make
@@ -204,6 +205,7 @@ def _referee(
     log = os.open(setting.journals / _REFEREE_LOG, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
     os.dup2(log, 1)
     os.dup2(log, 2)
+    set_up_logging(0, os.environ.get("ARENA_LOG", "text"))
     try:
         warm(setting.ruleset)  # before anybody can ask
         _Service(pipe, address, setting).serve(known, dismissed, is_finished=is_finished)

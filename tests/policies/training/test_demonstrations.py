@@ -24,6 +24,7 @@ from policies.training.folder import LAST, METRICS, RunFolder
 from policies.training.gradients import TrainingError
 from policies.training.parallel import Processes
 
+SMALL_RUN = ("--set", "channels=8", "--set", "blocks=1", "--set", "passes=1")
 EASY = DemonstrationSettings(teacher="rush", games=4, opponents={"self": 0.5, "patrol": 0.5})
 
 
@@ -223,3 +224,15 @@ def test_demonstrations_that_do_not_fit_are_refused_in_a_sentence(tmp_path: Path
     file.path.write_bytes(file.path.read_bytes()[: file.path.stat().st_size // 2])
     with pytest.raises(InputError, match="delete it, and the rest can be used"):
         read(file.path)
+
+
+def test_the_commands_make_and_learn_from_the_same_folders(
+    train: Callable[..., None], tmp_path: Path, data: DemonstrationFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    train("--method", "distil", "--data", data.path, "--out", tmp_path / "run", *SMALL_RUN)
+    with pytest.raises(SystemExit):
+        train("demonstrate", "--out", data.path, "--teacher", "rush", "--matches", 12)
+    said = capsys.readouterr()
+
+    assert f"trained: {tmp_path / 'run' / LAST}" in said.out
+    assert "were made with another value of games, opponents; choose another --out" in said.err

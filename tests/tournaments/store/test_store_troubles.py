@@ -16,6 +16,7 @@ import pytest
 from outcomes import ended
 from sqlalchemy import event
 
+from arena.metrics.definitions import STORE_FAILURES
 from tournaments.outcome import Outcome
 from tournaments.store.store import Store, StoreError, TakenError
 
@@ -76,6 +77,7 @@ def test_a_match_whose_server_died_before_it_answered_is_stored_once(cluster: An
         assert deaths
         assert not store.add(league, end("friday/0"))
         assert store.outcomes(league) == [end("friday/0")]
+        assert any(reading.metric is STORE_FAILURES and reading.values for reading in store.readings())
 
 
 def test_a_lock_is_taken_again_from_a_server_that_came_back(cluster: Any) -> None:

@@ -22,7 +22,7 @@ from arena.game.keys import secret_from_seed
 from arena.game.ruleset import load as load_rules
 from arena.game.types import RULES_VERSION
 from arena.jit import cache_root
-from arena.local.venue import strip
+from arena.local.bare import strip
 from arena.match.time_control import TimeControl
 from arena.records.plan import MatchPlan
 from arena.sandbox.limits import BEHIND_A_WALL
