@@ -236,7 +236,7 @@ def test_a_worker_hears_its_own_lanes_alone_and_speaks_to_seats(tmp_path: Path) 
     endpoint, workers = f"tcp/127.0.0.1:{free_port()}", f"{WORKERS_PROTOCOL}/{tmp_path}/w"
     own, others = (topics.action("p", topics.lanes_of_worker(worker).start, Team.RED) for worker in (1, 2))
     shown = topics.observation("p", topics.lanes_of_worker(1).start, Team.RED)
-    with open_router(endpoint, "p", workers=workers), open_client(workers) as worker, open_client(endpoint) as client:
+    with open_router(endpoint, "p", workers_endpoint=workers), open_client(workers) as worker, open_client(endpoint) as client:
         heard, seen = worker.collect(topics.actions_of_worker("p", 1), 8), client.collect(shown, 8)
         to_own, to_others, back = client.broadcast(own), client.broadcast(others), worker.broadcast(shown)
         for broadcast in (to_own, back):
@@ -255,4 +255,4 @@ def test_strangers_may_not_come_as_workers_do(tmp_path: Path) -> None:
     with pytest.raises(
         InputError, match=r"^workers are known by unixsock-stream/, where nobody else may connect; listen at tcp/"
     ):
-        open_router(f"{WORKERS_PROTOCOL}/{tmp_path}/a", "p", workers=f"{WORKERS_PROTOCOL}/{tmp_path}/w")
+        open_router(f"{WORKERS_PROTOCOL}/{tmp_path}/a", "p", workers_endpoint=f"{WORKERS_PROTOCOL}/{tmp_path}/w")
