@@ -28,7 +28,7 @@ from arena.protocol import topics
 from benchmarks.measuring.many_seats import PIT, ManySeats
 from benchmarks.measuring.processor_time import children_of, spent_by
 
-MATCHES = "1,8,64,256"
+MATCHES = "1,8,64"
 TURN_TIME_S = 1.0
 RUN_S = 3.0
 _WARM_S = 1.0

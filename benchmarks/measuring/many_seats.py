@@ -38,6 +38,8 @@ _POLL_S = 0.0005
 class _Pair:
     """The two seats of a match, as far as this process knows."""
 
+    phase: float
+    """Of its first turn, when its seats answer, so that not all matches do at once."""
     tick: int = -1
     n_answered: int = 0
     answered_at_s: float = 0.0
@@ -101,7 +103,7 @@ class ManySeats:
         """Hold a seat from now on."""
         put, _ = self._session.publisher(topics.action(PIT, lane, team))
         seat = self._seats[topics.observation(PIT, lane, team)] = Seat(lane, team, put, seal)
-        self._pairs.setdefault(lane, _Pair())
+        self._pairs.setdefault(lane, _Pair(self._random.random()))
         return seat
 
     def join(self, n_seats: int, ruleset: Ruleset) -> None:
@@ -196,6 +198,8 @@ class ManySeats:
             pair.tick, pair.n_answered = tick, 0
         least_s, most_s = self._pause_s
         if most_s:
+            if tick == 0:  # as in a pit where matches begin at any time
+                least_s, most_s = most_s * pair.phase, most_s * pair.phase
             due_s = now_s + self._random.uniform(least_s, most_s)
             heapq.heappush(self._due, (due_s, next(self._numbers), seat, tick))
         else:

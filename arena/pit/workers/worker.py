@@ -20,6 +20,7 @@ from queue import SimpleQueue
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from arena.console import set_up_logging
 from arena.errors import ArenaError, LostPitError
 from arena.game.engine import warm
 from arena.game.types import RULES_VERSION
@@ -66,6 +67,7 @@ def work(pipe: Connection, mark: c_longlong) -> None:
         signal.signal(number, signal.SIG_IGN)
     _end_with_pit()
     os.dup2(2, 1)
+    set_up_logging(0, os.environ.get("ARENA_LOG", "text"))
     pipe.send_bytes(describe_version())
     try:
         settings = pipe.recv()

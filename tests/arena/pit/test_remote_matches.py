@@ -236,8 +236,8 @@ class PitWithWorkers(OfflinePit):
 
     def do(self, event: Event) -> list[Effect]:
         if isinstance(event, ActionReceived):
-            worker = (event.lane - 100_000) // 10_000 + 1
-            self._carry_all(self.workers[worker].receive(event, self.now_s), worker)
+            its = (event.lane - 100_000) // 10_000 + 1
+            self._carry_all(self.workers[its].receive(event, self.now_s), its)
             return []
         effects = self.core.receive(event, self.now_s)
         self._carry_all(effects)
