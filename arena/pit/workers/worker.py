@@ -67,7 +67,7 @@ def work(pipe: Connection, mark: c_longlong) -> None:
         signal.signal(number, signal.SIG_IGN)
     _end_with_pit()
     os.dup2(2, 1)
-    set_up_logging(0, os.environ.get("ARENA_LOG", "text"))
+    set_up_logging()
     pipe.send_bytes(describe_version())
     try:
         settings = pipe.recv()
