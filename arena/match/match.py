@@ -329,8 +329,7 @@ class Match:
             seat.clock.begin_turn(now_s)
             if seat.clock.is_running:
                 effects.append(self._ask(seat, is_new=True))
-        effects.append(Publish())
-        return effects
+        return [*effects, Publish()]
 
     def _ask(self, seat: _Seat, *, is_new: bool) -> Ask:
         return Ask(seat.team, len(self._past), seat.shown, seat.clock.charged_us, is_new)
