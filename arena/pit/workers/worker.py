@@ -107,7 +107,8 @@ class _WorkerLoop(MatchLoop):
             spectator_key=settings.spectator_key,
             public_delay=settings.public_delay,
         )
-        self._worker = WorkerCore(context, settings.ruleset, settings.time_control)
+        lanes = topics.lanes_of_worker(settings.number)
+        self._worker = WorkerCore(context, settings.ruleset, settings.time_control, lanes, self._note_lane)
         self._orders: SimpleQueue[Order] = SimpleQueue()
         self._reports: SimpleQueue[Report | None] = SimpleQueue()
         self._room = Room(0, 0)
@@ -189,6 +190,9 @@ class _WorkerLoop(MatchLoop):
         effects = super()._hand_in(event)
         self._mark.value = NOBODY
         return effects
+
+    def _note_lane(self, lane: int) -> None:
+        self._mark.value = lane
 
     def _obey(self, order: Order) -> None:
         if isinstance(order, StopWork):
