@@ -46,7 +46,7 @@ _COMMON = {
 }
 _WAIT_BEFORE_CLOSE = "transport/link/tx/queue/congestion_control/block/wait_before_close"
 """How long, in microseconds, a peer that does not read holds `put` before it is cut off."""
-_ROUTER_WAITS_US, _CLIENT_WAITS_US = 50_000, 5_000_000
+_ROUTER_WAITS_US, _WITH_WORKERS_US, _CLIENT_WAITS_US = 50_000, 250_000, 5_000_000
 """A router serves others meanwhile. A client has nobody else to talk to, and a busy router is no reason to leave."""
 _DROP = "transport/link/tx/queue/congestion_control/drop/"
 
@@ -271,7 +271,8 @@ def open_router(
     capacity = find_capacity()
     settings: dict[str, Any] = {
         "listen/endpoints": [endpoint, workers_endpoint] if workers_endpoint else [endpoint],
-        _WAIT_BEFORE_CLOSE: _ROUTER_WAITS_US,
+        # All that is said to a worker goes over its one link: a moment in which that waits for a core must not cut it off.
+        _WAIT_BEFORE_CLOSE: _WITH_WORKERS_US if workers_endpoint else _ROUTER_WAITS_US,
         # By default a millisecond for each spectator who does not read, at every turn.
         f"{_DROP}wait_before_drop": 0,
         f"{_DROP}max_wait_before_drop_fragments": 0,

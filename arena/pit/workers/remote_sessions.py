@@ -198,6 +198,8 @@ class RemoteSessions:
 
     def give_up_unready(self, now_s: float) -> list[Effect]:
         """Void the match whose seats take longest to get ready, if that is too long: who never plays must not keep others out."""
+        if self.n_free <= 0:
+            return []  # until the workers have opened the next journals, in a moment
         one = next((one for one in self._running.values() if one.is_waiting and not one.is_voided), None)
         if one is None or now_s - one.drawn_at_s < PATIENCE_S:
             return []

@@ -127,6 +127,20 @@ def test_who_asks_a_worker_that_dies_is_left_to_ask_again_and_an_operators_word_
     assert TellWorker(worker, VoidMatch(match, "was ended by the operator")) in pit.hear(WorkerReady(worker))
 
 
+def test_a_match_is_given_up_for_others_only_where_one_could_begin_in_its_place() -> None:
+    pit = Pit()
+    match, worker = pit.begin(0)
+    pit.now_s += 10.0
+
+    for number in (1, 2):
+        pit.hear(WorkerSaid(number, Room(number == worker, 0)))
+    assert pit.sessions.give_up_unready(pit.now_s) == []
+    pit.hear(WorkerSaid(worker, Room(1, 8)))
+    [told] = pit.sessions.give_up_unready(pit.now_s)
+    assert told == TellWorker(worker, VoidMatch(match, "was not ready while others waited for room", only_unready=True))
+    assert pit.sessions.give_up_unready(pit.now_s) == []
+
+
 def test_a_match_that_no_worker_can_take_up_is_void() -> None:
     pit = Pit()
     match, worker = pit.begin(0)
