@@ -54,7 +54,7 @@ _ROUND_PAIRS = 5
 _JUDGED_MIN = 5.0
 """Of measurement, from which on it is judged whether something grows."""
 MOST_GROWTH = {"memory_kb": 1_000.0, "handles": 0.5, "threads": 0.2}
-"""A minute, of one process. A pit remembers its last 10,000 matches, at 2.5 kB each, and plays some 200 of them a minute here."""
+"""A minute, of one process. A pit remembers its last 10,000 matches, at some 5 kB each, and plays some 200 of them a minute here."""
 Progress = Callable[[str], None]
 
 
