@@ -18,10 +18,10 @@ from typing import Any
 from arena.errors import ArenaError
 from arena.jit import cache_root
 from arena.network.address import free_port
-from benchmarks.measuring.faults import Court, Kind, Target, fill, kill, small_disk, stop
+from benchmarks.measuring.audit import audit_ladder, audit_league
+from benchmarks.measuring.faults import FaultInjector, Kind, Target, fill, kill, small_disk, stop
+from benchmarks.measuring.journal_watch import JournalWatch
 from benchmarks.measuring.postgres import Cluster, open_cluster
-from benchmarks.measuring.pulse import Pulse
-from benchmarks.measuring.reckoning import reckon_ladder, reckon_league
 from benchmarks.measuring.supervised import RESTART_S, Supervised
 from benchmarks.measuring.trends import Lives, read_cost
 from policies.precompile import precompile
@@ -54,7 +54,7 @@ _ROUND_PAIRS = 5
 _JUDGED_MIN = 5.0
 """Of measurement, from which on it is judged whether something grows."""
 MOST_GROWTH = {"memory_kb": 1_000.0, "handles": 0.5, "threads": 0.2}
-"""A minute, of one process. A pit remembers its last 10,000 matches, at some 5 kB each, and plays some 200 of them a minute here."""
+"""A minute, of one process. A pit remembers its last 10,000 matches, at some 5 kB each, and plays some 200 a minute here."""
 Progress = Callable[[str], None]
 
 
@@ -74,7 +74,7 @@ def measure(
     every_s: float = _EVERY_S,
     n_workers: int = 2,
 ) -> dict[str, Any]:
-    """Let it soak for a while, and reckon up."""
+    """Let it soak for a while, and check what came of it."""
     entries = entries or ENTRIES
     progress(f"seed {seed}")
     for policy in {*entries.values(), "patrol"}:
@@ -83,7 +83,7 @@ def measure(
         soak = _Soak(Path(name), stack, duration_s, entries, seed, every_s, n_workers, has_league=has_league)
         soak.go_on(progress)
         progress("every journal, played again")
-        found = soak.reckon()
+        found = soak.audit()
         return {"seed": seed, "minutes": round(duration_s / 60, 2), **found}
 
 
@@ -107,7 +107,7 @@ class _Soak:
         self._growth: dict[str, dict[str, Lives]] = defaultdict(lambda: defaultdict(Lives))
         self._n_pairs = 0
         self._parts: list[Supervised] = []
-        self._courts: list[Court] = []
+        self._injectors: list[FaultInjector] = []
         self._broken: list[str] = []
         self._cluster: Cluster | None = None
         self._open_pit(entries, seed, every_s, n_workers)
@@ -157,7 +157,7 @@ class _Soak:
             ),
             *self._full_disk("pit", self._pit_data),
         ]
-        self._courts.append(Court("pit", Pulse(self._pit_data / "journals"), kinds, seed, every_s=every_s))
+        self._injectors.append(FaultInjector("pit", JournalWatch(self._pit_data / "journals"), kinds, seed, every_s=every_s))
 
     def _open_league(self, seed: int, every_s: float) -> None:
         self._league_data = self._disk("league")
@@ -186,7 +186,7 @@ class _Soak:
             *self._full_disk("league", self._league_data),
         ]
         journals = self._league_data / "journals" / LEAGUE
-        self._courts.append(Court("league", Pulse(journals), kinds, seed, every_s=every_s))
+        self._injectors.append(FaultInjector("league", JournalWatch(journals), kinds, seed, every_s=every_s))
 
     def _full_disk(self, whose: str, disk: Path) -> list[Kind]:
         name = f"full disk of the {whose}"
@@ -206,7 +206,7 @@ class _Soak:
     def go_on(self, progress: Progress) -> None:
         """Let everything come, fail for a while, and come to its end."""
         come_by_s = time.monotonic() + _COME_S
-        while not all(court.pulse.seen for court in self._courts):
+        while not all(injector.watch.seen for injector in self._injectors):
             self._tend(progress, may_begin=False)
             if time.monotonic() > come_by_s:
                 said = "; ".join(f"{part.name}: {part.last_words}" for part in self._parts)
@@ -225,7 +225,8 @@ class _Soak:
 
     def _describe(self) -> str:
         counted = (
-            f"{len(court.pulse.seen)} matches and {len(court.faults)} faults in the {court.name}" for court in self._courts
+            f"{len(injector.watch.seen)} matches and {len(injector.faults)} faults in the {injector.name}"
+            for injector in self._injectors
         )
         return ", ".join(counted)
 
@@ -235,11 +236,11 @@ class _Soak:
             if part.has_finished and may_grow:
                 self._add_pairs()
                 part.start()
-                self._courts[-1].excuse()
+                self._injectors[-1].excuse()
         if self._cluster is not None:
             self._cluster.tend(RESTART_S)
-        for court in self._courts:
-            begun = court.tend(may_begin=may_begin)
+        for injector in self._injectors:
+            begun = injector.tend(may_begin=may_begin)
             if begun:
                 progress(f"{at_s:.0f} s: {begun}")
         time.sleep(_POLL_S)
@@ -251,7 +252,7 @@ class _Soak:
             "worker": self._pit.find("spawn_main"),
             "client": [pid for one in self._clients.values() for pid in one.find()],
         }
-        if len(self._courts) > 1:
+        if len(self._injectors) > 1:
             family = self._league.family()
             roles["scheduler"] = self._league.find()
             roles["referee"] = [pid for pid, command in family.items() if "spawn_main" in command]
@@ -267,8 +268,8 @@ class _Soak:
         """Let the last fault pass, the league end, and the pit close."""
         progress(f"no more faults; {self._describe()}")
         by_s = time.monotonic() + _END_S
-        league = self._league if len(self._courts) > 1 else None
-        while not all(court.is_calm for court in self._courts) or (league is not None and not league.has_finished):
+        league = self._league if len(self._injectors) > 1 else None
+        while not all(injector.is_calm for injector in self._injectors) or (league is not None and not league.has_finished):
             self._tend(progress, may_begin=False, may_grow=False)
             if time.monotonic() > by_s:
                 self._broken.append(
@@ -283,23 +284,23 @@ class _Soak:
 
     # Afterwards
 
-    def reckon(self) -> dict[str, Any]:
+    def audit(self) -> dict[str, Any]:
         """Return what came of it."""
         figures: dict[str, Any] = {"store": "sqlite" if self._cluster is None else "sqlite and postgresql"}
-        broken = [*self._broken, *(sentence for court in self._courts for sentence in court.broken())]
-        found = reckon_ladder(self._pit_data, PIT, self._courts[0].pulse.seen)
+        broken = [*self._broken, *(sentence for injector in self._injectors for sentence in injector.broken())]
+        found = audit_ladder(self._pit_data, PIT, self._injectors[0].watch.seen)
         figures["pit"], broken = found.figures, [*broken, *found.broken]
-        if len(self._courts) > 1:
+        if len(self._injectors) > 1:
             if self._cluster is not None:
                 self._cluster.tend(0.0)
             n_planned = self._n_pairs * 2 * len(_FIGHTERS) * (len(_FIGHTERS) - 1) // 2
-            found = reckon_league(self._league_data, self._db, LEAGUE, n_planned, self._courts[1].pulse.seen)
+            found = audit_league(self._league_data, self._db, LEAGUE, n_planned, self._injectors[1].watch.seen)
             figures["league"], broken = found.figures, [*broken, *found.broken]
-        figures["faults"] = {kind: costs for court in self._courts for kind, costs in court.costs().items()}
+        figures["faults"] = {kind: costs for injector in self._injectors for kind, costs in injector.costs().items()}
         figures["not_drawn"] = self._not_drawn
-        for court in self._courts:
-            in_faults = sum(fault.n_late for fault in court.faults)
-            figures[court.name]["late_turns"] = {"in_faults": in_faults, "outside": court.pulse.count_late() - in_faults}
+        for injector in self._injectors:
+            in_faults = sum(fault.n_late for fault in injector.faults)
+            figures[injector.name]["late_turns"] = {"in_faults": in_faults, "outside": injector.watch.count_late() - in_faults}
         exits: Counter[str] = Counter()
         for part in self._parts:
             exits.update({f"{'client' if part.name in self._clients else part.name} {code}": n for code, n in part.exits.items()})

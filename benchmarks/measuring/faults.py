@@ -13,7 +13,7 @@ from pathlib import Path
 from statistics import median
 
 from arena.errors import ArenaError
-from benchmarks.measuring.pulse import Pulse
+from benchmarks.measuring.journal_watch import JournalWatch
 
 PATIENCE_S = 90.0
 """How long after a fault is over it may take until play goes on."""
@@ -70,11 +70,11 @@ class Fault:
     n_late: int = 0
 
 
-class Court:
+class FaultInjector:
     """Where matches are played, and one fault follows another; one thread tends it."""
 
-    def __init__(self, name: str, pulse: Pulse, kinds: Sequence[Kind], seed: int, *, every_s: float) -> None:
-        self.name, self.pulse = name, pulse
+    def __init__(self, name: str, watch: JournalWatch, kinds: Sequence[Kind], seed: int, *, every_s: float) -> None:
+        self.name, self.watch = name, watch
         self._kinds, self._random, self._every_s = kinds, random.Random(f"{seed} {name}"), every_s
         self._next_s = time.monotonic() + self._random.expovariate(1 / every_s)
         self._drawn = self._draw()
@@ -97,7 +97,7 @@ class Court:
         may_begin
             Whether another fault may begin; if not, the one that goes on still does.
         """
-        grown, now_s = self.pulse.look(), time.monotonic()
+        grown, now_s = self.watch.look(), time.monotonic()
         self._is_idle = self._is_idle and not grown
         if self._now is not None:
             self._go_on(self._now, grown, now_s)
@@ -123,9 +123,9 @@ class Court:
             return ""  # until it is there
         target = targets[int(which * len(targets))]
         lasts_s = kind.lasts_s[0] + length * (kind.lasts_s[1] - kind.lasts_s[0])
-        n_late = self.pulse.count_late()
+        n_late = self.watch.count_late()
         repair = target.inflict()
-        self.pulse.look()
+        self.watch.look()
         now_s = time.monotonic()
         self._now = Fault(
             kind=kind.name, target=target.name, entry=target.entry, at_s=now_s,
@@ -144,7 +144,7 @@ class Court:
             fault.repair = None
         fault.is_stuck = now_s - max(fault.until_s, fault.grown_at_s) > PATIENCE_S
         if fault.is_stuck or (fault.grown_at_s == now_s and now_s - fault.until_s > _AFTER_S):
-            fault.n_late = self.pulse.count_late() - fault.late_before
+            fault.n_late = self.watch.count_late() - fault.late_before
             self.faults.append(fault)
             self._now = None
             self._next_s = now_s + self._random.expovariate(1 / self._every_s)

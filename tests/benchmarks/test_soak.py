@@ -11,9 +11,9 @@ import pytest
 
 from arena.errors import ArenaError
 from arena.records.journal import journal_name
-from benchmarks.measuring import faults, pulse
-from benchmarks.measuring.faults import Court, Kind, Target
-from benchmarks.measuring.reckoning import reckon_league
+from benchmarks.measuring import faults, watch
+from benchmarks.measuring.audit import audit_league
+from benchmarks.measuring.faults import FaultInjector, Kind, Target
 from benchmarks.measuring.trends import WARM_UP_S, Lives
 from benchmarks.soak import measure
 from tournaments.commands import bench
@@ -38,8 +38,8 @@ def test_nothing_is_lost_whatever_is_killed_stopped_or_cut(size: Size) -> None:
     assert sum(costs["n"] for costs in figures["faults"].values()) >= size(1, 50)
     assert figures["pit"]["stored"] == figures["pit"]["matches"] > 0
     assert "seed 7" in said
-    for court in ("pit", "league") if is_full else ("pit",):
-        assert all(n >= 0 for n in figures[court]["late_turns"].values())
+    for injector in ("pit", "league") if is_full else ("pit",):
+        assert all(n >= 0 for n in figures[injector]["late_turns"].values())
 
 
 @pytest.fixture
@@ -60,22 +60,22 @@ def names(data: Path) -> set[str]:
     return {path.name for path in (data / "journals" / "league").glob("*.journal")}
 
 
-def reckon(data: Path, n_planned: int = 4, **more: Any) -> list[str]:
-    return reckon_league(data, str(data / "arena.db"), "league", n_planned, more.get("seen", names(data))).broken
+def audit(data: Path, n_planned: int = 4, **more: Any) -> list[str]:
+    return audit_league(data, str(data / "arena.db"), "league", n_planned, more.get("seen", names(data))).broken
 
 
 def test_what_is_lost_changed_or_was_never_played_breaks_a_promise(league: Path) -> None:
     journals = league / "journals" / "league"
     first, second = sorted(journals.glob("*.journal"))[:2]
 
-    assert [said for said in reckon(league) if "signature" not in said] == []  # a local match has none
-    assert "4 matches are stored of 5 that were to be played" in reckon(league, 5)
-    assert f"the journal {journal_name('league/lost')} is gone" in reckon(league, seen={journal_name("league/lost")})
+    assert [said for said in audit(league) if "signature" not in said] == []  # a local match has none
+    assert "4 matches are stored of 5 that were to be played" in audit(league, 5)
+    assert f"the journal {journal_name('league/lost')} is gone" in audit(league, seen={journal_name("league/lost")})
     data = bytearray(first.read_bytes())
     data[-40] ^= 1
     first.write_bytes(bytes(data))
     second.write_bytes(second.read_bytes()[: len(second.read_bytes()) // 2])
-    said = "\n".join(reckon(league))
+    said = "\n".join(audit(league))
     assert f"the journal {first.name} does not hold: " in said
     assert said.count("ended otherwise in the store than in") == 2
 
@@ -116,7 +116,7 @@ def test_how_long_nobody_played_is_counted_from_the_fault_on_and_not_where_nobod
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = SimpleNamespace(monotonic=lambda: now_s)
-    for module in (faults, pulse):
+    for module in (faults, watch):
         monkeypatch.setattr(module, "time", clock)
     now_s, repaired = 0.0, list[float]()
     kind = Kind(
@@ -124,7 +124,7 @@ def test_how_long_nobody_played_is_counted_from_the_fault_on_and_not_where_nobod
         find=lambda: [Target(name="one", inflict=lambda: lambda: repaired.append(now_s), entry="ann")],
         lasts_s=(5.0, 5.0),
     )
-    court = Court("pit", pulse.Pulse(tmp_path), [kind], 1, every_s=0.001)
+    injector = FaultInjector("pit", watch.JournalWatch(tmp_path), [kind], 1, every_s=0.001)
 
     def play(identity: str) -> None:
         with (tmp_path / journal_name(identity)).open("ab") as journal:
@@ -136,10 +136,10 @@ def test_how_long_nobody_played_is_counted_from_the_fault_on_and_not_where_nobod
         if second in (1, 20) or 8 < second < 20 or second > 30:
             play("pit/000000/ann/bob")
         if second == 25:
-            court.excuse()
-        court.tend(may_begin=second in (1, 20))
+            injector.excuse()
+        injector.tend(may_begin=second in (1, 20))
 
     assert repaired == [6.0, 25.0]
-    assert court.costs() == {"stop": {"n": 2, "late_turns": 0, "still_s": 8.0, "still_most_s": 8.0}}
-    assert court.broken() == []
-    assert court.is_calm
+    assert injector.costs() == {"stop": {"n": 2, "late_turns": 0, "still_s": 8.0, "still_most_s": 8.0}}
+    assert injector.broken() == []
+    assert injector.is_calm

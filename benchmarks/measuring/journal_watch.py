@@ -12,7 +12,7 @@ _QUIET_S = 150.0
 """A journal that has not grown for so long is of a match that is over."""
 
 
-class Pulse:
+class JournalWatch:
     """What is seen of a pit's matches from outside, by looking at the folder of its journals."""
 
     def __init__(self, journals: Path) -> None:

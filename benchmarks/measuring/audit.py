@@ -16,14 +16,14 @@ from tournaments.store.store import Store
 
 
 @dataclass(frozen=True, slots=True)
-class Reckoning:
+class Audit:
     """What was counted, and in sentences which promises were broken."""
 
     figures: dict[str, Any]
     broken: list[str]
 
 
-def reckon_ladder(data: Path, pit: str, seen: set[str]) -> Reckoning:
+def audit_ladder(data: Path, pit: str, seen: set[str]) -> Audit:
     """Count the matches of a pit that has closed.
 
     Parameters
@@ -48,11 +48,11 @@ def reckon_ladder(data: Path, pit: str, seen: set[str]) -> Reckoning:
         "stored": len(counted),
         "endings": _count_endings(journals),
     }
-    return Reckoning(figures, broken)
+    return Audit(figures, broken)
 
 
-def reckon_league(data: Path, db: str, name: str, n_planned: int, seen: set[str]) -> Reckoning:
-    """Count the matches of a league that has ended; as `reckon_ladder` does."""
+def audit_league(data: Path, db: str, name: str, n_planned: int, seen: set[str]) -> Audit:
+    """Count the matches of a league that has ended; as `audit_ladder` does."""
     folder = data / "journals" / name
     journals, broken = _read_all(folder, seen)
     by_identity = {one.header.identity: one for one in journals}
@@ -68,7 +68,7 @@ def reckon_league(data: Path, db: str, name: str, n_planned: int, seen: set[str]
         if journal is None or journal.ending != outcome.result:
             broken.append(f"{outcome.identity} ended otherwise in the store than in {journal_name(outcome.identity)}")
     figures = {"matches": n_planned, "stored": len(outcomes), "endings": _count_endings(journals)}
-    return Reckoning(figures, broken)
+    return Audit(figures, broken)
 
 
 def _read_all(folder: Path, seen: set[str]) -> tuple[list[Journal], list[str]]:
