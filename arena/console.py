@@ -84,9 +84,12 @@ def _to_log_line(at_s: float, level: str, event: str, text: str, **facts: object
     return to_json({"time": moment, "level": level, "event": event, **facts, "text": text}, indent=None)
 
 
-def set_up_logging(verbosity: int, form: str) -> None:
-    """Log to stderr, as text or as JSON; warnings, and from a verbosity of 1 on matches, which JSON always has, then ticks."""
-    is_json = form == "json"
+def set_up_logging(verbosity: int = 0, form: str = "") -> None:
+    """Log to stderr, as text or as JSON; warnings, and from a verbosity of 1 on matches, which JSON always has, then ticks.
+
+    Without a form, as whoever started this process logs.
+    """
+    is_json = (form or os.environ.get("ARENA_LOG")) == "json"
     level = (logging.WARNING, logging.INFO, logging.DEBUG)[min(max(verbosity, int(is_json)), 2)]
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(JsonFormatter() if is_json else LineFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))

@@ -4,6 +4,7 @@ What a supervisor would start again, this does. At the end everything is counted
 that does not verify, or memory that grows for ever breaks a promise, and the command ends with exit code 1.
 """
 
+import signal
 import sys
 import tempfile
 import time
@@ -59,6 +60,7 @@ Progress = Callable[[str], None]
 
 def run(progress: Progress, minutes: float = 2.0, seed: int | None = None) -> dict[str, Any]:
     """A pit and a league while processes, disk, network and database fail at random; whether anything is lost, or grows."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # end all processes, too
     return measure(progress, duration_s=60 * minutes, seed=randbelow(1 << 31) if seed is None else seed)
 
 
@@ -70,6 +72,7 @@ def measure(
     entries: dict[str, str] | None = None,
     has_league: bool = True,
     every_s: float = _EVERY_S,
+    n_workers: int = 2,
 ) -> dict[str, Any]:
     """Let it soak for a while, and reckon up."""
     entries = entries or ENTRIES
@@ -77,7 +80,7 @@ def measure(
     for policy in {*entries.values(), "patrol"}:
         precompile(load(policy))  # here, and not in all processes at once
     with tempfile.TemporaryDirectory(prefix="arena-soak-", ignore_cleanup_errors=True) as name, ExitStack() as stack:
-        soak = _Soak(Path(name), stack, duration_s, entries, seed, every_s, has_league=has_league)
+        soak = _Soak(Path(name), stack, duration_s, entries, seed, every_s, n_workers, has_league=has_league)
         soak.go_on(progress)
         progress("every journal, played again")
         found = soak.reckon()
@@ -95,6 +98,7 @@ class _Soak:
         entries: dict[str, str],
         seed: int,
         every_s: float,
+        n_workers: int,
         *,
         has_league: bool,
     ) -> None:
@@ -106,7 +110,7 @@ class _Soak:
         self._courts: list[Court] = []
         self._broken: list[str] = []
         self._cluster: Cluster | None = None
-        self._open_pit(entries, seed, every_s)
+        self._open_pit(entries, seed, every_s, n_workers)
         if has_league:
             self._open_league(seed, every_s)
 
@@ -125,11 +129,12 @@ class _Soak:
         self._parts.append(part)
         return part
 
-    def _open_pit(self, entries: dict[str, str], seed: int, every_s: float) -> None:
+    def _open_pit(self, entries: dict[str, str], seed: int, every_s: float, n_workers: int) -> None:
         self._pit_data, port = self._disk("pit"), free_port()
         self._pit = pit = self._start(
-            "pit", "serve", "--pit", PIT, "--ladder", "--listen", f"tcp/127.0.0.1:{port}", "--data", str(self._pit_data)
-        )
+            "pit", "serve", "--pit", PIT, "--ladder", "--listen", f"tcp/127.0.0.1:{port}", "--data", str(self._pit_data),
+            "--workers", str(n_workers),
+        )  # fmt: skip
         relays, clients = {}, {}
         for name, policy in entries.items():
             between = str(free_port())
@@ -139,7 +144,9 @@ class _Soak:
                 "--slots", "2", "--no-audit", "--no-transcripts", "--data", str(self._folder / "clients"),
             )  # fmt: skip
         self._clients = clients
+        workers = _signals("worker", lambda: [("worker", [pid], "") for pid in pit.find("spawn_main")], weight=_SELDOM)
         kinds = [
+            *(workers if n_workers > 1 else ()),
             *_signals("pit", lambda: [("pit", pit.find(), "")], weight=_SELDOM),
             *_signals("client", lambda: [(name, one.find(), name) for name, one in clients.items()]),
             Kind(name="cut network", find=lambda: _targets(kill, [(name, one.find(), name) for name, one in relays.items()])),
@@ -228,6 +235,7 @@ class _Soak:
             if part.has_finished and may_grow:
                 self._add_pairs()
                 part.start()
+                self._courts[-1].excuse()
         if self._cluster is not None:
             self._cluster.tend(RESTART_S)
         for court in self._courts:
@@ -238,7 +246,11 @@ class _Soak:
 
     def _weigh(self, now_s: float) -> None:
         """Look at what the processes hold that live long."""
-        roles = {"pit": self._pit.find(), "client": [pid for one in self._clients.values() for pid in one.find()]}
+        roles = {
+            "pit": self._pit.find(),
+            "worker": self._pit.find("spawn_main"),
+            "client": [pid for one in self._clients.values() for pid in one.find()],
+        }
         if len(self._courts) > 1:
             family = self._league.family()
             roles["scheduler"] = self._league.find()

@@ -224,8 +224,9 @@ class ClientCore:
             rules_hash=settings.rules_hash,
             match="" if seat is None else seat.ticket.match,
             invite=settings.invite,
-            # A pit that knew no versions yet does not read a request with one: whoever got no answer asks without.
+            # A pit that knew no versions or bundles yet does not read a request with them: whoever got no answer asks without.
             version="" if seat is not None or slot.n_unanswered % 2 else settings.version,
+            bundles=settings.n_slots > 1 and not slot.n_unanswered % 2,
         )
         attempt = Attempt(settings.identity, settings.pit, challenge, request)
         query = self._query(topics.join(settings.pit), attempt.sealed, limit_s)
@@ -286,9 +287,8 @@ class ClientCore:
         elif seat.commitment != commitment:
             raise RefusedError(f"the pit commits itself to match {ticket.match} anew: it is not the match that it was")
         slot.session = SeatSession(seat, ticket.secret, attempt, self._settings.identity)
-        if not slot.is_open:
-            self._effects.append(events.OpenSeat(slot.number, ticket.lane, seat.team))
-            slot.is_open = True
+        self._effects.append(events.OpenSeat(slot.number, ticket.lane, seat.team, ticket.bundle_lane))
+        slot.is_open = True
         self._publish(slot, slot.session.listen())
 
     def _on_late_ending(self, slot: Slot, session: SeatSession, signed: Signed, now_s: float) -> None:

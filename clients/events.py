@@ -70,11 +70,13 @@ class Query:
 
 @dataclass(frozen=True, slots=True)
 class OpenSeat:
-    """Publish on a seat's action key, and subscribe to its observation key."""
+    """Publish on a seat's action key, and subscribe to its observation key; nothing is to be done where both are open."""
 
     slot: int
     lane: int
     team: Team
+    bundle_lane: int | None = None
+    """Where the seat's messages go in bundles instead; None if they do not."""
 
 
 @dataclass(frozen=True, slots=True)

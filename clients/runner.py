@@ -7,16 +7,17 @@ import logging
 import math
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from arena.errors import LostPitError
+from arena.errors import LostPitError, ProtocolError
 from arena.network.session import Collector, Put, Sample, Session, is_heartbeat, open_client, read_payload
 from arena.protocol import topics
+from arena.protocol.bundles import BundleWriter, read_bundle, seat_number
 from arena.protocol.messages import Ticket
 from arena.records.transcript import TranscriptHeader, TranscriptWriter, transcript_name
 from clients import events
@@ -30,16 +31,47 @@ MOST_WAITING = 2_000
 """Messages in the queue."""
 TICK_S = 0.25
 """Between two looks at the connection and the clock."""
+MOST_HELD_S = 0.002
+"""How long an answer waits for others that go in the same bundle: where policies take their time, none waits for another's."""
 
 
 @dataclass(slots=True)
 class _Channel:
     """The two keys of a slot's seat, over one connection."""
 
+    seat: events.OpenSeat
     put: Put
     closing: ExitStack = field(default_factory=ExitStack)
     collector: Collector | None = None
     """None where messages come by callbacks."""
+
+
+class BundleChannel:
+    """The two keys of a lane of bundles, and the slots whose seats it is of."""
+
+    def __init__(self, put: Put) -> None:
+        self._put, self._writer = put, BundleWriter()
+        self.slots: dict[int, int] = {}
+        """By the number of their seat."""
+        self.closing = ExitStack()
+        self.add = self._writer.add
+
+    def send(self) -> None:
+        """Publish what was gathered."""
+        for bundle in self._writer.take():
+            self._put(bundle)
+
+    def take_apart(self, sample: Sample) -> Iterator[events.Event]:
+        """Yield the messages of a bundle, each for its slot; none of what is no bundle, or for a seat that is not held."""
+        try:
+            messages = read_bundle(read_payload(sample))
+        except ProtocolError as error:
+            logger.info("dropped a message on the key of bundles that the referee did not send: %s", error)
+            return
+        for number, message in messages:
+            slot = self.slots.get(number)
+            if slot is not None:
+                yield events.MessageReceived(slot, message)
 
 
 class Runner:
@@ -61,9 +93,13 @@ class Runner:
         self._on_seat, self._on_end, self._on_wait, self._on_tick = on_seat, on_end, on_wait, on_tick
         self._client = uuid.uuid4().hex
         self._core = ClientCore(settings, self._client, self._make_seat)
-        self._inbox: SimpleQueue[Callable[[], events.Event]] = SimpleQueue()
+        self._inbox: SimpleQueue[Callable[[], Iterable[events.Event]]] = SimpleQueue()
         """What makes the next events, so that messages are taken apart on the one thread."""
         self._channels: dict[int, _Channel] = {}
+        self._bundles: dict[int, BundleChannel] = {}
+        """By lane."""
+        self._sent_at_s = -math.inf
+        """When all that was gathered was published."""
         self._is_stopping = False
 
     def stop(self) -> None:
@@ -72,7 +108,7 @@ class Runner:
 
     def wake(self) -> None:
         """Ask policies that needed longer at once; from any thread, and of use with `is_patient`."""
-        self._enqueue(events.Woken)
+        self._enqueue(lambda: (events.Woken(),))
 
     def run(self) -> int:
         """Play, and return how many matches ended.
@@ -112,12 +148,15 @@ class Runner:
                     self._take_all()
                     if not session.is_connected() or not self._carry_out(core.receive(events.TimePassed(), now_s)):
                         return
-                event = self._wait()
-                if event is not None:
-                    self._carry_out(core.receive(event, time.monotonic()))
+                    self._send_bundles(now_s)
+                self._hand_in(self._wait())
+                if not self._inbox.qsize():
+                    self._send_bundles(time.monotonic())
         finally:
             for slot in list(self._channels):
                 self._close(slot)
+            for lane in list(self._bundles):
+                self._bundles.pop(lane).closing.close()
 
     def _take_all(self) -> None:
         """Hand in what has arrived; not the answers to what follows."""
@@ -127,11 +166,23 @@ class Runner:
         while take is not None and len(arrived) < MOST_WAITING and (sample := take()) is not None:
             if not is_heartbeat(sample):
                 arrived.append(partial(_deliver, 0, sample))
-        for make_event in arrived:
-            self._carry_out(self._core.receive(make_event(), time.monotonic()))
+        for take_apart in arrived:
+            self._hand_in(take_apart())
 
-    def _wait(self) -> events.Event | None:
-        """Return what happens next; None if nothing does for about `TICK_S`."""
+    def _hand_in(self, happened: Iterable[events.Event]) -> None:
+        for event in happened:
+            now_s = time.monotonic()
+            if now_s - self._sent_at_s > MOST_HELD_S:
+                self._send_bundles(now_s)
+            self._carry_out(self._core.receive(event, now_s))
+
+    def _send_bundles(self, now_s: float) -> None:
+        for channel in self._bundles.values():
+            channel.send()
+        self._sent_at_s = now_s
+
+    def _wait(self) -> Iterable[events.Event]:
+        """Return what happens next; nothing if nothing does for about `TICK_S`."""
         channel = self._channels.get(0)
         try:
             if channel is None or channel.collector is None:
@@ -139,12 +190,12 @@ class Runner:
             sample = channel.collector.wait()
             return self._inbox.get_nowait()() if is_heartbeat(sample) else _deliver(0, sample)
         except Empty:
-            return None
+            return ()
 
-    def _enqueue(self, make: Callable[..., events.Event], *arguments: Any) -> None:
+    def _enqueue(self, take_apart: Callable[..., Iterable[events.Event]], *arguments: Any) -> None:
         """Leave what arrived for the one thread, on one of Zenoh's; what is beyond the bound is sent again."""
         if self._inbox.qsize() < MOST_WAITING:
-            self._inbox.put(partial(make, *arguments))
+            self._inbox.put(partial(take_apart, *arguments))
 
     def _carry_out(self, effects: list[events.Effect]) -> bool:
         """Do what the core wants done; False if it wants another connection."""
@@ -153,7 +204,7 @@ class Runner:
                 case events.Publish():
                     self._channels[effect.slot].put(effect.payload)
                 case events.Query():
-                    on_reply = partial(self._enqueue, events.ReplyReceived, effect.id)
+                    on_reply = partial(self._enqueue, _reply, effect.id)
                     self._session.ask(effect.key, effect.payload, on_reply, effect.timeout_s)
                 case events.OpenSeat():
                     self._open(effect)
@@ -174,14 +225,24 @@ class Runner:
         return True
 
     def _open(self, seat: events.OpenSeat) -> None:
-        """Declare the two keys of a seat.
+        """Declare the two keys of a seat, or those of its bundles.
 
         The messages of a single seat are queued outside Python, which spares each turn a tenth of its time. Those of several come
         by callbacks, and so do those for a policy that takes its time, since it may have its answer while no message comes.
         """
         session, pit, slot = self._session, self._settings.pit, seat.slot
+        if slot in self._channels:
+            if self._channels[slot].seat == seat:
+                return
+            self._close(slot)
+        if seat.bundle_lane is not None:
+            bundles, number = self._bundles_of(seat.bundle_lane), seat_number(seat.lane, seat.team)
+            bundles.slots[number] = slot
+            self._channels[slot] = _Channel(seat, partial(bundles.add, number))
+            self._channels[slot].closing.callback(bundles.slots.pop, number)
+            return
         put, end = session.publisher(topics.action(pit, seat.lane, seat.team))
-        channel = self._channels[slot] = _Channel(put)
+        channel = self._channels[slot] = _Channel(seat, put)
         channel.closing.callback(end)
         key = topics.observation(pit, seat.lane, seat.team)
         if self._settings.n_slots > 1 or self._settings.is_patient:
@@ -190,6 +251,19 @@ class Runner:
         channel.collector = session.collect(key, MOST_WAITING)
         channel.closing.callback(channel.collector.end)
         channel.closing.callback(session.heartbeat(key, TICK_S))
+
+    def _bundles_of(self, lane: int) -> BundleChannel:
+        """Return the channel of a lane; those that no slot uses are closed as another is opened."""
+        if lane not in self._bundles:
+            for unused in [lane for lane, channel in self._bundles.items() if not channel.slots]:
+                self._bundles.pop(unused).closing.close()
+            session, pit = self._session, self._settings.pit
+            put, end = session.publisher(topics.action(pit, lane, None))
+            channel = self._bundles[lane] = BundleChannel(put)
+            channel.closing.callback(end)
+            key = topics.observation(pit, lane, None)
+            channel.closing.callback(session.subscribe(key, partial(self._enqueue, channel.take_apart)))
+        return self._bundles[lane]
 
     def _close(self, slot: int) -> None:
         self._channels.pop(slot).closing.close()
@@ -221,5 +295,9 @@ def _log(event: str, seat: Seat, **more: object) -> None:
     logger.info("%s: %s in match %s against %s", event, team, seat.ticket.match, seat.ticket.opponent, extra={"facts": facts})
 
 
-def _deliver(slot: int, sample: Sample) -> events.Event:
-    return events.MessageReceived(slot, read_payload(sample))
+def _deliver(slot: int, sample: Sample) -> Iterable[events.Event]:
+    return (events.MessageReceived(slot, read_payload(sample)),)
+
+
+def _reply(query: int, payload: bytes) -> Iterable[events.Event]:
+    return (events.ReplyReceived(query, payload),)

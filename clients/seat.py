@@ -7,7 +7,6 @@ tick after the other. An answer that the referee does not wait for any more is n
 
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import NamedTuple
@@ -96,8 +95,8 @@ class Seat:
         self._began_s: float | None = None
         """When the policy was shown the first observation that waits."""
         self._reader = ObservationReader(self.ruleset, self.team)
-        self._in_memory: tuple[bytes, Observations] | None = None
-        """The observation that was read last: its bytes, and what they say."""
+        self._in_memory: tuple[bytes, int, Observations] | None = None
+        """The observation that was read last: its bytes, its tick, and what they say."""
         self._policy: BatchPolicy = make(self.ruleset, self.team, 1)
         self._policy.name_match(0, match or ticket.match)
         if ticket.turn_time_s is not None:
@@ -178,7 +177,7 @@ class Seat:
         said: list[Message] = []
         if self.ended is not None:
             return said
-        with suppress(Thinking):
+        try:
             if not self._has_started:
                 self._policy.start(_SEAT)
                 self._has_started = True
@@ -195,6 +194,8 @@ class Seat:
                     self._caught_up_at = None
                     if not self._waiting:  # else the referee has asked already
                         said.append(self._ready())
+        except Thinking:
+            return said
         return said
 
     def abandon(self) -> None:
@@ -228,19 +229,21 @@ class Seat:
         return Orders(tick=tick, actions=self._answers[tick])
 
     def _take_turn(self, turn: Turn) -> list[Message]:
-        if turn.tick < 0:
-            raise UnreadableError(f"there is no tick {turn.tick}")
-        if turn.tick > self._n_received:
+        tick, n_received = turn.tick, self._n_received
+        if tick < 0:
+            raise UnreadableError(f"there is no tick {tick}")
+        if tick > n_received:
             self.is_behind = True
             return []
-        if turn.tick == self._n_received:
-            self._read(turn.observation, turn.tick)
+        if tick == n_received:
+            self._read(turn.observation, tick)
             self._waiting.append(_Shown(turn.observation, None, turn.charged_us))
-            self.charges_us += [UNKNOWN_US] * (turn.tick - 1 - len(self.charges_us))
-            self.charges_us += [turn.charged_us] * (turn.tick > len(self.charges_us))
-        self._asked_tick = turn.tick
-        if turn.tick < self.known_ticks:
-            return [self._orders_of(turn.tick)]
+            self.charges_us += [UNKNOWN_US] * (tick - 1 - len(self.charges_us))
+            if tick > len(self.charges_us):
+                self.charges_us.append(turn.charged_us)
+        self._asked_tick = tick
+        if tick < self.known_ticks:
+            return [self._orders_of(tick)]
         return self.think()
 
     def _take_history(self, history: History) -> list[Message]:
@@ -260,13 +263,15 @@ class Seat:
 
     def _read(self, data: bytes, tick: int) -> Observations:
         """Return an observation in memory that the next call overwrites."""
+        if self._in_memory is not None and data is self._in_memory[0] and tick == self._in_memory[1]:
+            return self._in_memory[2]
         if tick >= self.ruleset.tick_limit:
             raise UnreadableError(f"there is no tick {tick} in matches of {self.ruleset.tick_limit} ticks")
-        if self._in_memory is None or data is not self._in_memory[0]:
-            self._in_memory = data, self._reader.read(data)
-        observations = self._in_memory[1]
-        if int(observations.tick[0]) != tick:
-            raise UnreadableError(f"the observation is of tick {observations.tick[0]}, not {tick}")
+        self._in_memory = None
+        observations = self._reader.read(data)
+        if (told := observations.tick.item(0)) != tick:
+            raise UnreadableError(f"the observation is of tick {told}, not {tick}")
+        self._in_memory = data, tick, observations
         return observations
 
     def _show(self, shown: _Shown) -> None:

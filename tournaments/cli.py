@@ -7,7 +7,6 @@ from arena.cli import Command, make_app, rules, run
 from arena.display.cli import replay
 from arena.keyring.cli import keys
 from clients.commands.admin import admin
-from clients.commands.doctor import doctor
 from clients.commands.export import export_match
 from clients.commands.join import join
 from clients.commands.relay import relay
@@ -19,6 +18,7 @@ from tournaments.commands.backup import backup, restore
 from tournaments.commands.bench import bench
 from tournaments.commands.check import check
 from tournaments.commands.debug import debug
+from tournaments.commands.doctor import doctor
 from tournaments.commands.evaluate import evaluate
 from tournaments.commands.gauntlet import gauntlet
 from tournaments.commands.league import leaderboard, tournament

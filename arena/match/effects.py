@@ -25,6 +25,8 @@ class Ask(NamedTuple):
     """As `arena.protocol.observation_codec.ObservationWriter` writes it."""
     charged_us: int
     """What the seat was charged for the turn before, as `arena.protocol.messages.Turn` has it."""
+    is_new: bool
+    """Whether the clock of the turn begins with this, and it is not asked again."""
 
 
 class Publish(NamedTuple):

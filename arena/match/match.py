@@ -18,6 +18,7 @@ from arena.game.types import Action, Team, Termination
 from arena.match.effects import Ask, Effect, End, Publish, Write
 from arena.match.seat_clock import SeatClock
 from arena.match.seat_record import SeatRecord
+from arena.match.shown_again import show_again
 from arena.match.time_control import TimeControl
 from arena.policy import MatchResult
 from arena.protocol.observation_codec import ObservationWriter
@@ -54,6 +55,8 @@ class _Seat:
     mark: Mark = _NO_MARK
     shown: bytes = b""
     """The observation of the current tick."""
+    past: list[bytes] | None = None
+    """Those before, once the seat came back for the first time."""
     banks_s: list[float] = field(default_factory=list)
     """The extra time that was left at each tick, which observations say."""
     is_ready: bool = False
@@ -69,6 +72,7 @@ class Match:
 
     def __init__(self, header: Header, time_control: TimeControl, now_s: float) -> None:
         self.header, self.time_control = header, time_control
+        self._has_clock = time_control.turn_time_s is not None
         self.phase = Phase.WAITING
         self._drawn_at_s = now_s
         self.result: MatchResult | None = None
@@ -105,19 +109,11 @@ class Match:
         return int(field[StateField.BLUE_LIVING]), int(field[StateField.RED_LIVING]), int(field[StateField.SCORE])
 
     def history(self, team: Team, known_ticks: int) -> tuple[list[bytes], list[bytes]]:
-        """Return the observations of a seat's answered ticks from `known_ticks` on, and the orders that were played.
-
-        They are played again: few seats come back, and what all were shown would be most of the memory of a pit.
-        """
-        games = BatchedGame(self.header.ruleset, 1)
-        games.start([0], [self.header.keys])
-        sight, observations = ObservationWriter(games.observe()[team], 0), list[bytes]()
-        for tick, orders in enumerate(self._past):
-            if tick >= known_ticks:
-                self._set_clock(sight, self._seats[team].banks_s[tick])
-                observations.append(sight.write())
-            games.play(np.frombuffer(orders, np.int8)[None])
-        return observations, [self._split(orders)[team] for orders in self._past[known_ticks:]]
+        """Return the observations of a seat's answered ticks from `known_ticks` on, and the orders that were played."""
+        seat = self._seats[team]
+        if seat.past is None:
+            seat.past = show_again(self.header, self._past, team, seat.banks_s if self._has_clock else None)
+        return seat.past[known_ticks:], [self._split(orders)[team] for orders in self._past[known_ticks:]]
 
     def n_shown_bytes(self, team: Team) -> int:
         """Return the length of every observation of a seat."""
@@ -183,7 +179,7 @@ class Match:
             for other in self._seats.values():
                 other.clock.renew_grace()
             return self._ask_all(now_s)
-        return [] if seat.has_answered else [self._ask(seat)]
+        return [] if seat.has_answered else [self._ask(seat, is_new=False)]
 
     def catch_up(self, team: Team, n_ticks: int, now_s: float) -> list[Effect]:
         """A seat is there, and sees `n_ticks` of its history: the match waits until it is ready, or its time for that is over."""
@@ -217,6 +213,12 @@ class Match:
         seat.record.latencies_s.append(seat.clock.charge(now_s if arrived_s is None else arrived_s))
         seat.has_answered, seat.missed = True, 0
         return self._turn(now_s) if self._is_complete() else []
+
+    def note_sent(self, team: Team, now_s: float) -> None:
+        """A new turn of a seat was sent only now, a moment after it was asked: its clock begins here."""
+        seat = self._seats[team]
+        if self.phase is Phase.PLAYING and seat.clock.is_running and not seat.has_answered:
+            seat.clock.begin_turn(now_s)
 
     def count_stale(self, team: Team) -> None:
         """Count a readable message of a seat that the match has no use for."""
@@ -313,13 +315,12 @@ class Match:
     def _show(self) -> None:
         """Write what each seat is to see of the tick that begins."""
         for seat in self._seats.values():
-            seat.banks_s.append(seat.clock.bank_s)
-            self._set_clock(seat.sight, seat.clock.bank_s)
+            if seat.past is not None:
+                seat.past.append(seat.shown)
+            if self._has_clock:
+                seat.banks_s.append(seat.clock.bank_s)
+                seat.sight.set_clock(seat.clock.bank_s)
             seat.shown = seat.sight.write()
-
-    def _set_clock(self, sight: ObservationWriter, bank_s: float) -> None:
-        if self.time_control.turn_time_s is not None:
-            sight.set_clock(bank_s)
 
     def _ask_all(self, now_s: float) -> list[Effect]:
         effects: list[Effect] = []
@@ -327,12 +328,11 @@ class Match:
             seat.has_answered = False
             seat.clock.begin_turn(now_s)
             if seat.clock.is_running:
-                effects.append(self._ask(seat))
-        effects.append(Publish())
-        return effects
+                effects.append(self._ask(seat, is_new=True))
+        return [*effects, Publish()]
 
-    def _ask(self, seat: _Seat) -> Ask:
-        return Ask(seat.team, len(self._past), seat.shown, seat.clock.charged_us)
+    def _ask(self, seat: _Seat, *, is_new: bool) -> Ask:
+        return Ask(seat.team, len(self._past), seat.shown, seat.clock.charged_us, is_new)
 
     def _forfeit(self, losers: Iterable[Team], why: str) -> list[Effect]:
         teams = list(losers)

@@ -103,8 +103,9 @@ class SeatClock:
         """Charge the turn for what it took, and the bank for what that was beyond its time; return what it took."""
         took_s = max(answered_at_s - self._asked_at_s, 0.0)
         self._charge(took_s)
-        if self._time_control.turn_time_s is not None:
-            self.bank_s = max(self.bank_s - max(took_s - self._time_control.turn_time_s, 0.0), 0.0)
+        turn_time_s = self._time_control.turn_time_s
+        if turn_time_s is not None and took_s > turn_time_s:
+            self.bank_s = max(self.bank_s - (took_s - turn_time_s), 0.0)
         return took_s
 
     def charge_all(self) -> None:

@@ -23,7 +23,10 @@ from arena.pit.admission import MOST_QUEUED, Admission
 from arena.pit.authenticator import Authenticator, PendingRequest
 from arena.pit.effects import Drop, Effect, Reply, SaveRegister
 from arena.pit.events import (
+    MORE_MAY_FOLLOW,
     ActionReceived,
+    ActionsTaken,
+    BundleReceived,
     Event,
     JoinAsked,
     JournalAsked,
@@ -93,6 +96,8 @@ class PitCore:
         """Requests that did not open, or were not signed by whom they name."""
         self._handlers: dict[type[Event], Callable[[Any, float], list[Effect]]] = {
             ActionReceived: self._matches.receive,
+            BundleReceived: self._matches.receive_bundle,
+            ActionsTaken: lambda event, now_s: [],
             JoinAsked: self._on_join,
             LobbyAsked: self._on_lobby,
             JournalAsked: self._on_journal,
@@ -119,7 +124,14 @@ class PitCore:
             The time by one clock that never goes back.
         """
         effects = self._handlers[type(event)](event, now_s)
+        if self._matches.holds_bundles and type(event) not in MORE_MAY_FOLLOW:
+            effects = [*effects, *self._matches.take_bundles(now_s)]
         return [SaveRegister(), *effects] if self._register.is_changed else effects
+
+    @property
+    def holds_bundles(self) -> bool:
+        """Whether something was gathered for clients, and waits for the next event that is no action."""
+        return self._matches.holds_bundles
 
     @property
     def may_open_request(self) -> bool:

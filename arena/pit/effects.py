@@ -75,6 +75,14 @@ class Send(NamedTuple):
     payload: bytes
 
 
+class SendBundle(NamedTuple):
+    """Send to several seats of a client."""
+
+    lane: int
+    """Of the client's bundles."""
+    payload: bytes
+
+
 class PublishTick(NamedTuple):
     """Publish the tick that begins. Each message is made only if somebody subscribed to it, and before the next event."""
 
@@ -137,6 +145,7 @@ Effect = (
     | OpenMatch
     | Append
     | Send
+    | SendBundle
     | PublishTick
     | PublishEnding
     | CloseMatch

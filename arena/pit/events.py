@@ -49,6 +49,24 @@ class ActionReceived(NamedTuple):
     """When it may have arrived at the earliest, if it lay in the queue while something else was done."""
 
 
+class BundleReceived(NamedTuple):
+    """A message on the action key of a lane of bundles, from whomever."""
+
+    lane: int
+    payload: bytes
+    arrived_s: float | None = None
+    """As of an action."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActionsTaken:
+    """No more actions wait, or enough were handed in for now: what was gathered for clients is sent."""
+
+
+MORE_MAY_FOLLOW = (ActionReceived, BundleReceived)
+"""After these, what is gathered for clients is not sent yet."""
+
+
 @dataclass(frozen=True, slots=True)
 class PresenceChanged:
     """A client process came, or is gone; anybody can claim either."""
@@ -149,6 +167,8 @@ Event = (
     | LobbyAsked
     | JournalAsked
     | ActionReceived
+    | BundleReceived
+    | ActionsTaken
     | PresenceChanged
     | TimePassed
     | RequestTurn

@@ -82,6 +82,7 @@ class JournalFile:
     def __init__(self, path: Path, n_bytes: int, *, fsync: bool, among: OpenJournals | None = None) -> None:
         self._path, self._name, self._fsync = path, path, fsync
         self._open = OpenJournals() if among is None else among
+        self._is_to_be_named = False
         try:
             self._number = self._open.add(path, os.O_CREAT)
             os.ftruncate(self._open.find(self._number, path), n_bytes)
@@ -90,7 +91,7 @@ class JournalFile:
 
     def rename_when_written(self, name: Path) -> None:
         """Take another name with the first bytes that are appended; without any, `close` removes the file."""
-        self._name = name
+        self._name, self._is_to_be_named = name, True
 
     def append(self, data: bytes) -> None:
         """Hand bytes to the system, all or nothing."""
@@ -99,9 +100,9 @@ class JournalFile:
             n_written = os.write(descriptor, data)
             if self._fsync:
                 os.fdatasync(descriptor)
-            if self._name != self._path and n_written == len(data):
+            if self._is_to_be_named and n_written == len(data):
                 keep_former(self._name)
-                self._path = self._path.rename(self._name)
+                self._path, self._is_to_be_named = self._path.rename(self._name), False
         except OSError as error:
             raise _failure(error) from error
         if n_written != len(data):
@@ -111,7 +112,7 @@ class JournalFile:
         """Close the file as it stands."""
         self._open.close(self._number)
         self._number = _CLOSED
-        if self._name != self._path:
+        if self._is_to_be_named:
             self._path.unlink(missing_ok=True)
 
 

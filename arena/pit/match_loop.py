@@ -13,8 +13,8 @@ from arena.errors import UnreadableError
 from arena.folders import data_folder
 from arena.network.session import Collector, Put, Sample, Session, read_key, read_payload
 from arena.pit.channels import MatchChannels, open_lane
-from arena.pit.effects import Append, CloseMatch, Effect, OpenMatch, PublishEnding, PublishTick, Send
-from arena.pit.events import ActionReceived, Event, Stopped
+from arena.pit.effects import Append, CloseMatch, Effect, OpenMatch, PublishEnding, PublishTick, Send, SendBundle
+from arena.pit.events import ActionReceived, ActionsTaken, BundleReceived, Event, Stopped
 from arena.pit.journal_files import JournalFile, OpenJournals, SpareJournals
 from arena.protocol import topics
 
@@ -22,6 +22,10 @@ MOST_WAITING = 10_000
 """Messages in a queue; what comes beyond is dropped, and asked for again."""
 SWEEP_S = 0.01
 _MOST_JUNK = 256  # messages beyond two of each match that are handed in before something else is done
+_MOST_AT_ONCE = 32
+"""Actions that are handed in before what was gathered for clients is sent."""
+_LEAST_MESSAGE_BYTES = 92
+"""Of orders in a bundle."""
 _IN_MATCH: dict[type[Effect], Callable[[MatchChannels, Any], None]] = {
     Append: MatchChannels.append,
     Send: MatchChannels.send,
@@ -39,6 +43,10 @@ class Core(Protocol):
     @property
     def n_running(self) -> int:
         """Matches that are not over."""
+
+    @property
+    def holds_bundles(self) -> bool:
+        """Whether something was gathered for clients, and waits for the next event that is no action."""
 
 
 class MatchLoop:
@@ -72,6 +80,7 @@ class MatchLoop:
         self._inbox: SimpleQueue[Callable[[], Event]] = SimpleQueue()
         self._channels: dict[str, MatchChannels] = {}
         self._lanes: dict[int, list[Put]] = {}
+        self._bundle_lanes: dict[int, Put] = {}
         self._is_stopping, self._has_failed = False, False
         self._empty_at_s = 0.0
         """When no action waited."""
@@ -80,6 +89,7 @@ class MatchLoop:
         self._carry_out: dict[type[Effect], Callable[[Any], None]] = {
             OpenMatch: self._open_match,
             CloseMatch: lambda effect: self._channels.pop(effect.match).close(),
+            SendBundle: self._send_bundle,
             **carry_out,
         }
         data_folder(journals)
@@ -99,7 +109,7 @@ class MatchLoop:
         """Referee until `until()`, asked every hundredth of a second, or until `stop`."""
         next_sweep_s = 0.0
         while not self._is_stopping:
-            if not self._take_actions(1):
+            if not self._take_actions(_MOST_AT_ONCE):
                 sample = self._actions.wait()  # at the latest when the next beat comes
                 self._note_beat()
                 self._empty_at_s = self._read_clock()
@@ -149,12 +159,18 @@ class MatchLoop:
             raise
         return effects
 
-    def _take_action(self, sample: Sample, arrived_s: float | None) -> None:
+    def _take_action(self, sample: Sample, arrived_s: float | None) -> int:
+        """Hand in an action, or several in a bundle; return about how many."""
         try:
             lane, team = topics.read_action(read_key(sample))
         except UnreadableError:
-            return  # as of every beat
-        self._hand_in(ActionReceived(lane, team, read_payload(sample), arrived_s))
+            return 1  # as of every beat
+        payload = read_payload(sample)
+        if team is not None:
+            self._hand_in(ActionReceived(lane, team, payload, arrived_s))
+            return 1
+        self._hand_in(BundleReceived(lane, payload, arrived_s))
+        return 1 + len(payload) // _LEAST_MESSAGE_BYTES
 
     def _take_actions(self, most: int | None = None) -> bool:
         """Hand in the actions that have come, and return whether any had.
@@ -162,13 +178,21 @@ class MatchLoop:
         Not the answers to what follows, or it would never end where all are quick. They came while this thread did something
         else, which no seat is charged for: their clocks stop when the queue was seen empty last, or when this thread left it.
         """
-        for number in range(most or 2 * self._core.n_running + _MOST_JUNK):
-            sample = self._actions.take()
-            if sample is None:
-                self._empty_at_s = self._read_clock()
-                return number > 0
-            self._take_action(sample, max(self._empty_at_s, self._left_at_s))
-        return True
+        n_taken, n_since_sent, most = 0, 0, most or 2 * self._core.n_running + _MOST_JUNK
+        while n_taken < most and (sample := self._actions.take()) is not None:
+            n_actions = self._take_action(sample, max(self._empty_at_s, self._left_at_s))
+            n_taken, n_since_sent = n_taken + n_actions, n_since_sent + n_actions
+            if n_since_sent >= _MOST_AT_ONCE:
+                n_since_sent = 0
+                self._send_bundles()
+        if n_taken < most:
+            self._empty_at_s = self._read_clock()
+        self._send_bundles()
+        return n_taken > 0
+
+    def _send_bundles(self) -> None:
+        if self._core.holds_bundles:
+            self._hand_in(ActionsTaken())
 
     # Effects
 
@@ -183,3 +207,10 @@ class MatchLoop:
         self._channels[effect.match] = MatchChannels(
             self._session, self._pit, journal, effect.match, puts, self._is_delayed_public
         )
+
+    def _send_bundle(self, effect: SendBundle) -> None:
+        put = self._bundle_lanes.get(effect.lane)
+        if put is None:
+            put, _ = self._session.publisher(topics.observation(self._pit, effect.lane, None))
+            self._bundle_lanes[effect.lane] = put
+        put(effect.payload)

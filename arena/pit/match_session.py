@@ -11,8 +11,10 @@ from arena.game.types import Team, Termination
 from arena.match.effects import Ask, End, Publish, Write
 from arena.match.effects import Effect as MatchEffect
 from arena.match.match import Match
+from arena.pit.bundles import BundleLane
 from arena.pit.effects import Append, CloseMatch, Effect, OpenMatch, PublishEnding, PublishTick, Send
 from arena.policy import MatchResult
+from arena.protocol.bundles import seat_number
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Caller, new_secret
 from arena.protocol.identity import Identity
@@ -77,6 +79,8 @@ class SeatSession:
     n_rejected: int = 0
     """Messages that were forged or came again since `advance` was called last."""
     receipt: Receipt | None = None
+    bundles: BundleLane | None = None
+    """Where its messages go; None if they go one by one."""
 
     @property
     def openers(self) -> tuple[Opener, ...]:
@@ -151,13 +155,13 @@ class MatchSession:
         self._unwritten = self.match.start_record + self._seats_record
         return [OpenMatch(self.id, journal_name(self.match.header.identity), 0, self.lane)]
 
-    def issue_ticket(self, team: Team, caller: Caller) -> Ticket:
+    def issue_ticket(self, team: Team, caller: Caller, bundles: BundleLane | None = None) -> Ticket:
         """Give a seat to a caller, under new keys; those of the process that had it before hold no more."""
         time_control, seat, secret = self.match.time_control, self.seats[team], new_secret()
         n_bytes = self.match.n_shown_bytes(team) + _TURN_EXTRA_BYTES
         seat.former = seat.openers
         seat.sealer, seat.opener = caller.sit(self.id, team, secret, n_bytes)
-        seat.sent, seat.has_had_history = _NOTHING_SENT, False
+        seat.sent, seat.has_had_history, seat.bundles = _NOTHING_SENT, False, bundles
         return Ticket(
             match=self.id,
             lane=self.lane,
@@ -170,6 +174,7 @@ class MatchSession:
             secret=secret,
             commitment=self._commitment,
             public_delay=self._context.public_delay,
+            bundle_lane=None if bundles is None else bundles.number,
         )
 
     def receive(self, team: Team, payload: bytes, now_s: float, arrived_s: float | None = None) -> list[Effect]:
@@ -209,9 +214,7 @@ class MatchSession:
         effects: list[Effect] = []
         for effect in match_effects:
             if type(effect) is Ask:
-                sealed = self._seal_turn(effect)
-                if sealed is not None:
-                    effects.append(Send(self.id, effect.team, sealed))
+                effects += self._ask(effect)
             elif type(effect) is Write:
                 effects += self._write(effect.data)
             elif type(effect) is Publish:
@@ -264,14 +267,19 @@ class MatchSession:
             self.match.count_garbled(team)
             return None
 
-    def _seal_turn(self, ask: Ask) -> bytes | None:
+    def _ask(self, ask: Ask) -> list[Effect]:
         seat = self.seats[ask.team]
         if seat.sealer is None:
-            return None
+            return []
         if seat.sent[0] != ask.tick:
             turn = Turn(tick=ask.tick, observation=ask.observation, charged_us=ask.charged_us)
             seat.sent = ask.tick, seat.sealer.close(encode(turn), ask.tick)
-        return seat.sent[1]
+        if seat.bundles is None:
+            return [Send(self.id, ask.team, seat.sent[1])]
+        if ask.is_new:
+            seat.bundles.begin_clock(self.match, ask.team)
+        seat.bundles.add(seat_number(self.lane, ask.team), seat.sent[1])
+        return []
 
     def _welcome(self, team: Team, known: int, now_s: float) -> list[Effect]:
         """A seat is there and has `known` observations: ask it, or send it those that it lacks, once a ticket."""
@@ -304,8 +312,14 @@ class MatchSession:
         ]
 
     def _send(self, team: Team, message: Message) -> list[Effect]:
-        sealer = self.seats[team].sealer
-        return [] if sealer is None else [Send(self.id, team, sealer.close(encode(message), self.match.tick))]
+        seat = self.seats[team]
+        if seat.sealer is None:
+            return []
+        sealed = seat.sealer.close(encode(message), self.match.tick)
+        if seat.bundles is None:
+            return [Send(self.id, team, sealed)]
+        seat.bundles.add(seat_number(self.lane, team), sealed)
+        return []
 
     def _end(self, result: MatchResult) -> list[Effect]:
         ended = Ended(

@@ -5,18 +5,20 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from arena.errors import JournalError
+from arena.errors import JournalError, UnreadableError
 from arena.game.types import Team
 from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.pit.authenticator import PendingRequest
+from arena.pit.bundles import Bundles
 from arena.pit.effects import CloseMatch, Effect, MatchEnded, OpenMatch
-from arena.pit.events import ActionReceived, UnfinishedFound
+from arena.pit.events import ActionReceived, BundleReceived, UnfinishedFound
 from arena.pit.lanes import Lanes
 from arena.pit.match_session import MatchSession, PitContext
 from arena.pit.seats import Seat
-from arena.protocol.handshake import new_secret
-from arena.protocol.messages import Signed
+from arena.protocol.bundles import read_bundle, read_seat_number
+from arena.protocol.handshake import Caller, new_secret
+from arena.protocol.messages import JoinRequest, Signed, Ticket
 from arena.protocol.sealing import Opener
 from arena.records.journal import Header
 
@@ -76,6 +78,10 @@ class MatchSessions:
         What else is to be done as soon as a match is over.
     on_closed
         What else is to be done once its journal is closed.
+    lanes
+        Those that may be used; any without it.
+    note_lane
+        Is told the lane of each message of a bundle before it is handed in.
     """
 
     def __init__(
@@ -84,10 +90,15 @@ class MatchSessions:
         time_control: TimeControl,
         on_over: Callable[[MatchOver], list[Effect]],
         on_closed: Callable[[MatchClosed], list[Effect]],
+        lanes: range | None = None,
+        note_lane: Callable[[int], None] = lambda lane: None,
     ) -> None:
         self._context, self._time_control = context, time_control
         self._on_over, self._on_closed = on_over, on_closed
-        self._lanes = Lanes(first=_LANES_APART * new_secret()[0])
+        self._note_lane = note_lane
+        self._lanes = _lanes_of(lanes)
+        self._bundles = Bundles(_lanes_of(lanes))
+        """Whose lanes are set apart from those of matches by their keys."""
         self._by_lane: dict[int, MatchSession] = {}
         """Those that run, and those that wait for their receipts."""
         self._former_openers: dict[int, dict[Team, tuple[Opener, ...]]] = {}
@@ -133,10 +144,37 @@ class MatchSessions:
 
     def receive(self, event: ActionReceived, now_s: float) -> list[Effect]:
         """Take a message on a seat's key."""
-        lane, team, payload, arrived_s = event
-        session = self._by_lane.get(lane)
-        if session is None:
+        session = self._by_lane.get(event.lane)
+        return [] if session is None else self._receive(session, event.team, event.payload, now_s, event.arrived_s)
+
+    def receive_bundle(self, event: BundleReceived, now_s: float) -> list[Effect]:
+        """Take messages of seats of one client; what is no bundle of its, or of another's seat, counts for nothing."""
+        bundles = self._bundles.at(event.lane)
+        if bundles is None:
             return []
+        try:
+            messages = read_bundle(event.payload)
+        except UnreadableError:
+            return []
+        effects: list[Effect] = []
+        for number, message in messages:
+            lane, team = read_seat_number(number)
+            session = self._by_lane.get(lane)
+            if session is not None and session.seats[team].bundles is bundles:
+                self._note_lane(lane)
+                effects += self._receive(session, team, message, now_s, event.arrived_s)
+        return effects
+
+    @property
+    def holds_bundles(self) -> bool:
+        """Whether something was gathered for clients."""
+        return self._bundles.wait
+
+    def take_bundles(self, now_s: float) -> list[Effect]:
+        """Return all that was gathered, to be sent now."""
+        return [*self._bundles.take(now_s)]
+
+    def _receive(self, session: MatchSession, team: Team, payload: bytes, now_s: float, arrived_s: float | None) -> list[Effect]:
         if session.ending is None:
             session.due_s = 0.0
             return self._settle(session, session.receive(team, payload, now_s, arrived_s), now_s)
@@ -145,6 +183,9 @@ class MatchSessions:
 
     def advance(self, now_s: float) -> list[Effect]:
         """Let time pass. Only matches are looked at in which that may change something: of a thousand, next to none."""
+        self._bundles.advance(
+            now_s, lambda: {seat.bundles for session in self._by_lane.values() for seat in session.seats.values()}
+        )
         effects: list[Effect] = []
         for session in [session for session in self._running.values() if session.due_s <= now_s]:
             effects += self._settle(session, session.advance(now_s), now_s)
@@ -154,7 +195,13 @@ class MatchSessions:
 
     def issue_ticket(self, seat: Seat, pending: PendingRequest, now_s: float) -> list[Effect]:
         """Give a seat to who asks for it, under new keys."""
-        return [pending.reply(self._running[seat.match].issue_ticket(seat.team, pending.caller))]
+        return [pending.reply(self.make_ticket(self._running[seat.match], seat.team, pending.caller))]
+
+    def make_ticket(self, session: MatchSession, team: Team, caller: Caller) -> Ticket:
+        """Return a ticket for a seat, whose messages go in bundles if its client wants that."""
+        request = caller.request
+        bundles = self._bundles.find(request) if isinstance(request, JoinRequest) else None
+        return session.issue_ticket(team, caller, bundles)
 
     def leave(self, seat: Seat, now_s: float) -> list[Effect]:
         """Note that the process which held a seat is gone."""
@@ -217,3 +264,10 @@ class MatchSessions:
         self._lanes.give_back(session.lane, now_s)
         closed = MatchClosed(match, session.match.header if session.has_journal else None)
         return [*session.close(), *self._on_closed(closed)]
+
+
+def _lanes_of(lanes: range | None) -> Lanes:
+    """Return lanes that begin elsewhere in each process."""
+    if lanes is None:
+        return Lanes(_LANES_APART * new_secret()[0])
+    return Lanes(lanes.start + int.from_bytes(new_secret()[:4], "big") % len(lanes), lanes)

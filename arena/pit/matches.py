@@ -11,7 +11,7 @@ from arena.game.types import Team, Termination
 from arena.pit.archive import MOST_KEPT, Archive
 from arena.pit.authenticator import PendingRequest
 from arena.pit.effects import Effect, ReplyWithJournal
-from arena.pit.events import ActionReceived, UnfinishedFound
+from arena.pit.events import ActionReceived, BundleReceived, UnfinishedFound
 from arena.pit.match_session import PitContext
 from arena.pit.match_sessions import MatchClosed, MatchOver, NewMatch
 from arena.pit.rationed_queue import RationedQueue
@@ -65,6 +65,16 @@ class Sessions(Protocol):
     def receive(self, event: ActionReceived, now_s: float) -> list[Effect]:
         """Take a message on a seat's key."""
 
+    def receive_bundle(self, event: BundleReceived, now_s: float) -> list[Effect]:
+        """Take messages of seats of one client."""
+
+    @property
+    def holds_bundles(self) -> bool:
+        """Whether something was gathered for clients."""
+
+    def take_bundles(self, now_s: float) -> list[Effect]:
+        """Return all that was gathered, to be sent now."""
+
     def advance(self, now_s: float) -> list[Effect]:
         """Let time pass."""
 
@@ -107,6 +117,7 @@ class Matches:
         self.n_begun = 0
 
         self.receive, self.advance = self._sessions.receive, self._sessions.advance
+        self.receive_bundle, self.take_bundles = self._sessions.receive_bundle, self._sessions.take_bundles
         self.forfeit, self.void = self._sessions.forfeit, self._sessions.void
         self.give_up_unready, self.stop = self._sessions.give_up_unready, self._sessions.stop
         self.ask_for_journal = self._archive.answer
@@ -115,6 +126,11 @@ class Matches:
     def running(self) -> Collection[RunningMatch]:
         """Those that are not over, in the order of their beginning."""
         return self._sessions.running
+
+    @property
+    def holds_bundles(self) -> bool:
+        """Whether something was gathered for clients."""
+        return self._sessions.holds_bundles
 
     @property
     def journal_replies(self) -> RationedQueue[ReplyWithJournal]:

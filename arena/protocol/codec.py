@@ -14,6 +14,7 @@ from arena.protocol.messages import LATER, PROTOCOL_VERSION, Message
 MOST_BYTES = 60_000
 """No message is longer; what is longer is sent in pieces."""
 _KINDS: tuple[type, ...] = get_args(Message)
+_N_KINDS = len(_KINDS)
 _pack = msgpack.Packer().pack
 _NUMBERS: dict[type, int] = {kind: number for number, kind in enumerate(_KINDS)}
 
@@ -46,14 +47,15 @@ def decode(data: bytes, version: int | None = None) -> Message:
         raise UnreadableError("the bytes are not msgpack") from error
     if type(values) is not list or len(values) < 2 or type(values[0]) is not int or type(values[1]) is not int:
         raise UnreadableError("the bytes are no message of the arena")
-    (theirs, number, *rest), ours = values, PROTOCOL_VERSION if version is None else version
+    theirs, number, *rest = values
+    ours = PROTOCOL_VERSION if version is None else version
     if theirs != ours:
         raise VersionError(f"the other side speaks version {theirs} of the protocol; this is version {ours}")
-    if not 0 <= number < len(_KINDS):
+    if not 0 <= number < _N_KINDS:
         raise UnreadableError(f"there is no message of kind {number}")
     kind = _KINDS[number]
     shape = _shape(kind)
-    if tuple(map(type, rest)) != shape.hints:  # those of every turn have nothing but plain types
+    if (*map(type, rest),) != shape.hints:  # those of every turn have nothing but plain types
         _check(kind, shape, rest)
     message: Message = kind(**dict(zip(shape.names, rest, strict=False)))
     return message
@@ -94,7 +96,9 @@ def _fits(value: Any, hint: Any) -> bool:
         return True
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is list:
-        return type(value) is list and all(_fits(item, arguments[0]) for item in value)
+        if type(value) is not list:
+            return False
+        return set(map(type, value)) <= {arguments[0]} or all(_fits(item, arguments[0]) for item in value)
     if origin is dict:
         return type(value) is dict and all(_fits(key, arguments[0]) and _fits(item, arguments[1]) for key, item in value.items())
     if arguments:  # a union

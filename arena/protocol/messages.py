@@ -96,6 +96,8 @@ class JoinRequest:
     pit_key: bytes = b""
     version: str = field(default="", metadata=LATER)
     """Tells the entry's code from that of its other versions, as a chunk; empty if the client does not say."""
+    bundles: bool = field(default=False, metadata=LATER)
+    """Whether the client would rather have the messages of all its seats in bundles."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,6 +122,8 @@ class Ticket:
     """A `Signed` with the match's `Commitment`."""
     public_delay: int = field(default=0, metadata=LATER)
     """Ticks after which the pit shows everyone the board, while the match runs; 0 if it shows it to nobody."""
+    bundle_lane: int | None = field(default=None, metadata=LATER)
+    """Names the keys on which this seat's messages go in bundles; None if they go one by one on the seat's own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -305,6 +309,15 @@ class Lobby:
     """As in `Ticket`, of every match."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bundle:
+    """Sealed messages of several seats of one client in one, in their order; bundles are not sealed themselves."""
+
+    seats: list[int]
+    """Of each message: twice the lane of its seat, and one more for red."""
+    messages: list[bytes]
+
+
 Message = (
     ChallengeRequest
     | Challenge
@@ -333,4 +346,5 @@ Message = (
     | PastTruth
     | SeasonRequest
     | SeasonAnswer
+    | Bundle
 )

@@ -37,12 +37,14 @@ class ObservationWriter:
         row, n_cells = slice(seat, seat + 1), observations.side**2
         fields = {name: getattr(observations, name)[row] for name in _WIRE}
         fields["ground"] = fields["ground"][:, :n_cells]
-        self._clock_ms = fields["clock_ms"]
+        self._clock_ms, self._bank_s = fields["clock_ms"], -1.0
         self._fields = [field.data.cast("B") for field in fields.values() if field.size]
 
     def set_clock(self, bank_s: float) -> None:
         """Say how much extra time the seat has left."""
-        self._clock_ms[0] = min(max(int(bank_s * 1000), 0), NO_CLOCK_MS - 1)
+        if bank_s != self._bank_s:  # as it seldom is
+            self._bank_s = bank_s
+            self._clock_ms[0] = min(max(int(bank_s * 1000), 0), NO_CLOCK_MS - 1)
 
     def write(self) -> bytes:
         """Return the bytes of what the seat sees now."""

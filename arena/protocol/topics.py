@@ -12,7 +12,9 @@ _LANE = re.compile(r"[0-9]{1,6}")
 LANES_OF_WORKER = 10_000
 MOST_WORKERS = 64
 """So that the number of each lane has six digits."""
-_TEAMS = {team.name.lower(): team for team in Team}
+_NAMES: dict[Team | None, str] = {None: "all"} | {team: team.name.lower() for team in Team}
+"""Behind a lane: a seat of a match, or all that goes in bundles."""
+_TEAMS = {name: team for team, name in _NAMES.items()}
 
 
 def check_chunk(what: str, chunk: str) -> str:
@@ -56,9 +58,12 @@ def submissions(pit: str) -> str:
     return f"arena/{pit}/submissions"
 
 
-def observation(pit: str, lane: int, team: Team) -> str:
-    """Return the key on which a seat hears the referee. It is its lane's, since Zenoh keeps each key that it was ever told."""
-    return f"arena/{pit}/lane/{lane}/{team.name.lower()}/observation"
+def observation(pit: str, lane: int, team: Team | None) -> str:
+    """Return the key on which a seat hears the referee, or that of a lane of bundles, which is no team's.
+
+    It is its lane's, since Zenoh keeps each key that it was ever told.
+    """
+    return f"arena/{pit}/lane/{lane}/{_NAMES[team]}/observation"
 
 
 def all_observations(pit: str) -> str:
@@ -66,9 +71,9 @@ def all_observations(pit: str) -> str:
     return f"arena/{pit}/lane/*/*/observation"
 
 
-def action(pit: str, lane: int, team: Team) -> str:
-    """Return the key on which the referee hears a seat."""
-    return f"arena/{pit}/lane/{lane}/{team.name.lower()}/action"
+def action(pit: str, lane: int, team: Team | None) -> str:
+    """Return the key on which the referee hears a seat, or a lane of bundles."""
+    return f"arena/{pit}/lane/{lane}/{_NAMES[team]}/action"
 
 
 def all_actions(pit: str) -> str:
@@ -98,8 +103,8 @@ def beat(pit: str) -> str:
 
 
 @lru_cache(maxsize=1_024)
-def read_action(key: str) -> tuple[int, Team]:
-    """Return the lane and the team of an action key."""
+def read_action(key: str) -> tuple[int, Team | None]:
+    """Return the lane and the team of an action key; no team of a lane of bundles."""
     parts = key.split("/")
     if len(parts) != 6 or parts[4] not in _TEAMS or not _LANE.fullmatch(parts[3]):
         raise UnreadableError(f"{key} is no seat's key")

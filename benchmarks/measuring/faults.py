@@ -65,6 +65,8 @@ class Fault:
     """The longest that nobody of them played."""
     is_stuck: bool = False
     """Nobody played on."""
+    is_excused: bool = False
+    """Nobody had to play meanwhile, so how long nobody did says nothing."""
     n_late: int = 0
 
 
@@ -77,6 +79,8 @@ class Court:
         self._next_s = time.monotonic() + self._random.expovariate(1 / every_s)
         self._drawn = self._draw()
         self._now: Fault | None = None
+        self._is_idle = False
+        """Whether nobody has played since there was nothing to play."""
         self.faults: list[Fault] = []
         """Those that are over."""
 
@@ -94,6 +98,7 @@ class Court:
             Whether another fault may begin; if not, the one that goes on still does.
         """
         grown, now_s = self.pulse.look(), time.monotonic()
+        self._is_idle = self._is_idle and not grown
         if self._now is not None:
             self._go_on(self._now, grown, now_s)
         elif may_begin and now_s >= self._next_s:
@@ -104,6 +109,12 @@ class Court:
     def is_calm(self) -> bool:
         """Whether no fault goes on."""
         return self._now is None
+
+    def excuse(self) -> None:
+        """Take note that there is nothing to play for a moment, whatever fault goes on."""
+        self._is_idle = True
+        if self._now is not None:
+            self._now.is_excused = True
 
     def _begin(self) -> str:
         kind, which, length = self._drawn
@@ -118,7 +129,7 @@ class Court:
         now_s = time.monotonic()
         self._now = Fault(
             kind=kind.name, target=target.name, entry=target.entry, at_s=now_s,
-            until_s=now_s + lasts_s, late_before=n_late, repair=repair, grown_at_s=now_s,
+            until_s=now_s + lasts_s, late_before=n_late, repair=repair, grown_at_s=now_s, is_excused=self._is_idle,
         )  # fmt: skip
         self._drawn = self._draw()
         return f"{kind.name}: {target.name}{f', for {lasts_s:.1f} s' if lasts_s else ''}"
@@ -143,9 +154,9 @@ class Court:
         found: dict[str, dict[str, float]] = {}
         for kind in self._kinds:
             its = [fault for fault in self.faults if fault.kind == kind.name]
-            still_s = [fault.still_s for fault in its]
+            still_s = [fault.still_s for fault in its if not fault.is_excused]
             found[kind.name] = {"n": len(its), "late_turns": sum(fault.n_late for fault in its)}
-            if its:
+            if still_s:
                 found[kind.name] |= {"still_s": round(median(still_s), 1), "still_most_s": round(max(still_s), 1)}
         return found
 

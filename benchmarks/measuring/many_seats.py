@@ -38,6 +38,8 @@ _POLL_S = 0.0005
 class _Pair:
     """The two seats of a match, as far as this process knows."""
 
+    phase: float
+    """Of its first turn, when its seats answer, so that not all matches do at once."""
     tick: int = -1
     n_answered: int = 0
     answered_at_s: float = 0.0
@@ -54,6 +56,8 @@ class Seat:
     put: Put
     seal: Callable[[int], bytes]
     """From the tick to the sealed orders."""
+    say_ready: Callable[[], None]
+    """Nothing where there is nobody to tell."""
     tick: int = -1
 
 
@@ -97,20 +101,20 @@ class ManySeats:
         self._end_beat()
         self._session.__exit__(None, None, None)
 
-    def add(self, lane: int, team: Team, seal: Callable[[int], bytes]) -> Seat:
+    def add(self, lane: int, team: Team, seal: Callable[[int], bytes], make_ready: Callable[[], bytes] | None = None) -> Seat:
         """Hold a seat from now on."""
         put, _ = self._session.publisher(topics.action(PIT, lane, team))
-        seat = self._seats[topics.observation(PIT, lane, team)] = Seat(lane, team, put, seal)
-        self._pairs.setdefault(lane, _Pair())
+        say_ready = (lambda: None) if make_ready is None else (lambda: put(make_ready()))
+        seat = self._seats[topics.observation(PIT, lane, team)] = Seat(lane, team, put, seal, say_ready)
+        self._pairs.setdefault(lane, _Pair(self._random.random()))
         return seat
 
     def join(self, n_seats: int, ruleset: Ruleset) -> None:
-        """Take seats in a pit, which plays them against each other, once all are taken."""
+        """Take seats in a pit, which plays them against each other."""
         identity, actions = Identity.make(), bytes(len(ruleset.team(Team.BLUE)))
         clients = [f"c{number}" for number in range(-(-n_seats // _SLOTS))]
         for client in clients:
             self._session.declare_presence(topics.presence(PIT, "bench", client))
-        ready: list[Callable[[], None]] = []
         answers: SimpleQueue[tuple[int, Attempt | None, bytes]] = SimpleQueue()
         wanted, n_asked, n_seated = list(reversed(range(n_seats))), 0, 0
         end_s = time.monotonic() + _START_S
@@ -142,15 +146,13 @@ class ManySeats:
             if isinstance(message, Ticket) and attempt is not None:
                 n_seated += 1
                 sealer, _ = attempt.sit(message.match, Team(message.team), message.secret)
-                seat = self.add(message.lane, Team(message.team), partial(_seal_orders, sealer, actions))
-                ready.append(partial(seat.put, sealer.close(encode(Ready(known_ticks=0)), 0)))
+                seal = partial(_seal_orders, sealer, actions)
+                self.add(message.lane, Team(message.team), seal, partial(sealer.close, encode(Ready(known_ticks=0)), 0))
             elif isinstance(message, Wait):
                 wanted.append(slot)
             else:
                 raise ArenaError(f"the pit says no: {message}")
             self._take_all()
-        for say_ready in ready:
-            say_ready()
 
     def play(self, seconds: float) -> Measured:
         """Answer for so long; return what was seen meanwhile."""
@@ -167,10 +169,15 @@ class ManySeats:
         self._measured.n_turns = sum(pair.n_turns for pair in self._pairs.values()) - before
         return self._measured
 
-    @property
-    def has_begun(self) -> bool:
-        """Whether every seat was shown something."""
-        return all(seat.tick >= 0 for seat in self._seats.values())
+    def get_ready(self) -> bool:
+        """Say that seats are ready which were shown nothing yet; return whether there are none.
+
+        It is said again and again: Zenoh drops what is put on a key before it knows who listens there.
+        """
+        silent = [seat for seat in self._seats.values() if seat.tick < 0]
+        for seat in silent:
+            seat.say_ready()
+        return not silent
 
     def _take_all(self) -> bool:
         n = 0
@@ -196,6 +203,8 @@ class ManySeats:
             pair.tick, pair.n_answered = tick, 0
         least_s, most_s = self._pause_s
         if most_s:
+            if tick == 0:  # as in a pit where matches begin at any time
+                least_s, most_s = most_s * pair.phase, most_s * pair.phase
             due_s = now_s + self._random.uniform(least_s, most_s)
             heapq.heappush(self._due, (due_s, next(self._numbers), seat, tick))
         else:

@@ -19,6 +19,7 @@ import benchmarks.policies
 from arena.errors import InputError
 from arena.game.observation import Observations
 from arena.local import venue as local
+from arena.records.journal_folder import JournalFolder
 from benchmarks import envs, kernel, planner, spectators
 from benchmarks.measuring import rates as measure
 from benchmarks.measuring import turns
@@ -164,16 +165,20 @@ def test_the_local_venue_is_measured_with_its_journals(monkeypatch: pytest.Monke
 
     def play(*arguments: Any, journals: Path) -> Any:
         yield from local.play(*arguments, journals=journals, n_workers=1)
-        written.append(len(list(journals.glob("*.journal"))))
+        written.append(len(JournalFolder(journals).identities()))
 
-    monkeypatch.setattr(benchmarks.local, "N_PAIRS", 2)
+    monkeypatch.setattr(benchmarks.local, "N_PAIRS", 20)
+    monkeypatch.setattr(benchmarks.local, "_PAIRS_AT_START", 1)
     monkeypatch.setattr(benchmarks.local, "play", play)
 
     results = benchmarks.local.run(lambda _: None)
 
-    assert list(results) == ["ticks_per_s", "matches_per_s", "ticks_per_match"]
+    assert list(results) == [
+        *("ticks_per_s", "matches_per_s", "once_started", "ticks_per_core_s", "us_per_match"),
+        *("kernel_ticks_per_core_s", "over_kernel", "start_s", "start_core_s", "cores", "ticks_per_match"),
+    ]
     assert is_positive(results)
-    assert written == [4, 4]
+    assert written == [2, 40, 2, 40]
 
 
 @pytest.mark.skipif(os.environ.get("ARENA_TEST_SIZE") != "full", reason="starts processes for half a minute; make test-full")

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 
 from arena.errors import ArenaError
 from arena.records.journal import journal_name
+from benchmarks.measuring import faults, pulse
+from benchmarks.measuring.faults import Court, Kind, Target
 from benchmarks.measuring.reckoning import reckon_league
 from benchmarks.measuring.trends import WARM_UP_S, Lives
 from benchmarks.soak import measure
@@ -25,7 +28,9 @@ Size = Callable[[int, int], int]
 def test_nothing_is_lost_whatever_is_killed_stopped_or_cut(size: Size) -> None:
     said: list[str] = []
     is_full = size(0, 1) == 1
-    chosen: dict[str, Any] = {} if is_full else {"entries": {"ann": "patrol", "bob": "rush"}, "has_league": False, "every_s": 0.1}
+    chosen: dict[str, Any] = (
+        {} if is_full else {"entries": {"ann": "patrol", "bob": "rush"}, "has_league": False, "every_s": 0.1, "n_workers": 1}
+    )
 
     figures = measure(said.append, duration_s=size(1, 15 * 60), seed=7, **chosen)
 
@@ -105,3 +110,36 @@ def test_a_broken_promise_ends_the_command_with_exit_code_1(
 
     assert raised.value.exit_code == 1
     assert "a match is gone" in capsys.readouterr().out
+
+
+def test_how_long_nobody_played_is_counted_from_the_fault_on_and_not_where_nobody_had_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = SimpleNamespace(monotonic=lambda: now_s)
+    for module in (faults, pulse):
+        monkeypatch.setattr(module, "time", clock)
+    now_s, repaired = 0.0, list[float]()
+    kind = Kind(
+        name="stop",
+        find=lambda: [Target(name="one", inflict=lambda: lambda: repaired.append(now_s), entry="ann")],
+        lasts_s=(5.0, 5.0),
+    )
+    court = Court("pit", pulse.Pulse(tmp_path), [kind], 1, every_s=0.001)
+
+    def play(identity: str) -> None:
+        with (tmp_path / journal_name(identity)).open("ab") as journal:
+            journal.write(b"tick")
+
+    for second in range(1, 60):
+        now_s = float(second)
+        play("pit/000000/bob/cyd")
+        if second in (1, 20) or 8 < second < 20 or second > 30:
+            play("pit/000000/ann/bob")
+        if second == 25:
+            court.excuse()
+        court.tend(may_begin=second in (1, 20))
+
+    assert repaired == [6.0, 25.0]
+    assert court.costs() == {"stop": {"n": 2, "late_turns": 0, "still_s": 8.0, "still_most_s": 8.0}}
+    assert court.broken() == []
+    assert court.is_calm

@@ -229,6 +229,29 @@ def test_a_client_that_is_to_wait_asks_again_at_once() -> None:
     assert isinstance(both.answer(ticket())[0], events.MatchBegun)
 
 
+@pytest.mark.parametrize("n_slots", [1, 2])
+def test_a_client_of_several_slots_asks_for_bundles_and_leaves_them_out_where_nobody_answers(n_slots: int) -> None:
+    both = Joined(n_slots=n_slots, n_matches=None, count_ready=lambda: 1)
+    both.connect()
+    both.answer(Wait(reason="for an opponent"))
+    both.reply(both.challenge())
+    both.reply(b"")  # as of a pit that knew no bundles yet
+    both.feed(events.TimePassed(), TICK_S)
+    both.answer(ticket())
+
+    assert [request.bundles for request in both.requests] == [n_slots > 1, False]
+
+
+def test_a_seat_s_bundles_are_those_of_its_last_ticket() -> None:
+    both = seated()
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
+    both.feed(events.TimePassed(), SILENCE_S + 0.1)
+
+    opened, _ = both.answer(ticket(bundle_lane=5))
+
+    assert opened == events.OpenSeat(0, LANES[MATCH], Team.RED, 5)
+
+
 def test_a_client_says_by_which_version_of_its_code_it_plays() -> None:
     both = Joined(version="0123abcd", n_matches=2)
     both.connect()
@@ -544,7 +567,8 @@ def test_a_silent_seat_asks_whether_its_match_still_runs(both: Joined) -> None:
     (query,) = both.feed(events.TimePassed(), 0.1)
     assert isinstance(query, events.Query)
     assert query.timeout_s == PROBE_S
-    (ready,) = both.answer(ticket())
+    opened, ready = both.answer(ticket())
+    assert opened == events.OpenSeat(0, LANES[MATCH], Team.RED), "which is open"
 
     assert (both.requests[-1].match, both.requests[-1].team) == (MATCH, "red")
     assert isinstance(ready, events.Publish), "its keys on the network are the same"

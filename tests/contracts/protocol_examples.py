@@ -7,6 +7,7 @@ from arena.game.ruleset import load, to_dict
 from arena.protocol.identity import Identity
 from arena.protocol.messages import (
     AdminRequest,
+    Bundle,
     Challenge,
     ChallengeRequest,
     Closed,
@@ -53,6 +54,7 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
             rules_version=2, name="böb", team="red", client="c_2", slot=255, rules_hash="5" * 64, match=MATCH, invite="code",
             entry=A, ephemeral=B, reply_secret=C, challenge=A, pit_key=B,
         ),
+        JoinRequest(rules_version=1, name="ann", team="any", client="c-1", slot=1, bundles=True),
     ),
     "the operator's request": (
         AdminRequest(command="close", target=""),
@@ -71,6 +73,10 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
         Ticket(
             match=MATCH, lane=0, team=0, ruleset={}, opponent="bob", turn_time_s=1.0, bank_s=10.0, tick=0, secret=A,
             commitment=b"c", public_delay=20,
+        ),
+        Ticket(
+            match=MATCH, lane=0, team=0, ruleset={}, opponent="bob", turn_time_s=1.0, bank_s=10.0, tick=0, secret=A,
+            commitment=b"c", bundle_lane=999_999,
         ),
     ),
     "no seat yet": (Wait(reason="no opponent yet"),),
@@ -111,6 +117,10 @@ MESSAGES: dict[str, tuple[Message, ...]] = {
     "a season's answer": (
         SeasonAnswer(text="it waits for its check"),
         SeasonAnswer(text="version 2 plays", offset=5, data=b"a line", facts={"versions": [{"number": 2, "rating": 31.5}]}),
+    ),
+    "messages of several seats": (
+        Bundle(seats=[], messages=[]),
+        Bundle(seats=[14, 15, 1_999_999], messages=[b"sealed", b"", bytes(300)]),
     ),
     "the lobby": (
         Lobby(

@@ -47,6 +47,7 @@ from arena.protocol.sealing import (
 from arena.protocol.signed import check_journal, check_receipt, commit, read_statement, sign_journal, sign_receipt, sign_statement
 from arena.protocol.topics import (
     action,
+    actions_of_worker,
     all_actions,
     all_delayed,
     all_journals,
@@ -55,6 +56,7 @@ from arena.protocol.topics import (
     all_public,
     all_truths,
     beat,
+    beat_of_worker,
     check_chunk,
     check_label,
     delayed,
@@ -62,6 +64,7 @@ from arena.protocol.topics import (
     is_label,
     join,
     journal,
+    lanes_of_worker,
     lobby,
     observation,
     presence,
@@ -161,11 +164,14 @@ def test_the_keys_of_the_network_are_those_of_before(same: Same) -> None:
         all_presence,
         all_delayed,
     )
+    worker_topics = (actions_of_worker, beat_of_worker)
     readers = (read_action, read_match, read_journal, read_presence)
-    told = [topic("pit", 7, team) for topic in seat_topics for team in Team]
+    told = [topic("pit", 7, team) for topic in seat_topics for team in (*Team, None)]
     told += [topic("pit", MATCH) for topic in match_topics]
     told += [topic("pit") for topic in pit_topics]
     told += [presence("pit", "ann", "c-1")]
+    told += [topic("pit", worker) for topic in worker_topics for worker in (1, 64)]
+    told += [str(lanes_of_worker(worker)) for worker in (1, 64)]
     for key in (*told, "arena/pit/lane/7/green/action", "arena", ""):
         told.append(f"{key or '-'}: {[say(read, key) for read in readers]}")
     for chunk in ("ann", "a/b", "*", "", "a" * 64, "a" * 65, "böb"):
@@ -175,7 +181,10 @@ def test_the_keys_of_the_network_are_those_of_before(same: Same) -> None:
 
     module = getmodule(observation)
     every = {one for one in vars(module).values() if isfunction(one) and getmodule(one) is module}
-    assert every <= {*seat_topics, *match_topics, *pit_topics, *readers, presence, is_chunk, check_chunk, is_label, check_label}
+    assert every <= {
+        *seat_topics, *match_topics, *pit_topics, *worker_topics, *readers,
+        presence, lanes_of_worker, is_chunk, check_chunk, is_label, check_label,
+    }  # fmt: skip
     same("topics.txt", "\n".join([*told, ""]))
 
 

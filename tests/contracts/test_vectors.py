@@ -72,9 +72,9 @@ def make_messages() -> list[dict[str, Any]]:
 
 def make_topics() -> dict[str, str]:
     keys = {name: getattr(topics, name)("pit") for name in ("join", "lobby", "submissions")}
-    for team in Team:
+    for team in (*Team, None):
         for name in ("observation", "action"):
-            keys[f"{name} of {team.name.lower()}"] = getattr(topics, name)("pit", LANE, team)
+            keys[f"{name} of {'bundles' if team is None else team.name.lower()}"] = getattr(topics, name)("pit", LANE, team)
     keys |= {name: getattr(topics, name)("pit", MATCH) for name in ("public", "truth", "delayed", "journal")}
     return keys | {"presence": topics.presence("pit", "ann", "c-1")}
 

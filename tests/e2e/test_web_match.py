@@ -2,6 +2,7 @@
 
 import re
 import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ from chromium import REFUSED, WIDTHS, browser, says, visit
 
 from arena.game.types import Action, Team
 from arena.keyring.files import load_or_make_secret
-from arena.network.address import free_port
+from arena.network.address import free_port, parse_address
 from arena.protocol.identity import to_text
 from arena.records.journal import Journal
 from arena.records.journal_folder import load_journal
@@ -84,6 +85,12 @@ def table_of(page: "Page") -> list[list[str]]:
     return [row.locator("th, td").all_text_contents() for row in rows]
 
 
+def count_connections(port: int) -> int:
+    """Return how many connections to a port of this machine stand."""
+    rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    return sum(row[1].endswith(f":{port:04X}") and row[3] == "01" for row in rows)
+
+
 def test_a_match_is_watched_with_the_key_and_without_and_replayed(
     shared: tuple[str, str, Path], start: Start, visit: Start, tmp_path: Path
 ) -> None:
@@ -105,6 +112,9 @@ def test_a_match_is_watched_with_the_key_and_without_and_replayed(
     says(knows, "this page sees it with the spectator key")
     says(stranger, "Wrong key")
     assert key not in knows.url
+    if sys.platform == "linux":
+        at_pit = count_connections(int(parse_address(address).endpoint.rpartition(":")[2]))
+        assert at_pit == len(players) + 1, "however many browsers the page serves, the pit has one spectator"
     for page in (lobby, stranger):
         page.locator(".score", has_text=re.compile(rf"tick \d+ of {N_TICKS}")).wait_for()
         assert page.locator("canvas").count() == 0

@@ -7,18 +7,22 @@ is started on this machine, for itself alone and as long as it is needed.
 
 import logging
 import os
+import platform
 import signal
 import socket
+import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import ray
 from ray.exceptions import RayError, RayTaskError
+from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from arena.errors import ArenaError, InputError
 from arena.game.ruleset import Ruleset
@@ -27,6 +31,7 @@ from arena.local.bare import BarePlan, strip
 from arena.local.saving import MOST_FILES, make_journals_folder, save
 from arena.local.venue import BareRecord, MatchRecord, dress, play_bare, split
 from arena.records.plan import MatchPlan
+from arena.sandbox.bubblewrap import why_no_limits, why_no_wall
 from arena.sandbox.process import Sandbox
 from policies.workers.load import load_walled
 from tournaments.outcome import Outcome
@@ -41,6 +46,10 @@ _TASKS_PER_CORE = 2
 _SEATS_PER_TASK = 4
 """Where fighters play behind walls: they think side by side, in processes of their own, on the core that a task has."""
 _REACH_S = 5.0
+_EXAMINED_S = 60.0
+"""For a machine to answer, which may have to start a process for it."""
+_MOST_APART_S = 2.0
+"""Of two machines' clocks, by which logs are read side by side, and challenges of pits expire."""
 _LOOPBACK = "127.0.0.1"
 logger = logging.getLogger(__name__)
 
@@ -149,6 +158,73 @@ def play_task(
         return play_bare(ruleset, plans, load, None)
     except ArenaError as error:
         return Refusal(sentence=f"machine {socket.gethostname()} of the cluster: {error}", is_input=isinstance(error, InputError))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Machine:
+    """What has to be known of a machine, for it to play with others."""
+
+    name: str
+    arena: str
+    rules_version: int
+    python: str
+    why_no_wall: str
+    """Nothing where strangers' fighters can play."""
+    clock_s: float
+    """Since 1970."""
+
+
+def describe_machine() -> Machine:
+    """Return what this machine is."""
+    return Machine(
+        name=socket.gethostname(),
+        arena=version("arena-pit"),
+        rules_version=RULES_VERSION,
+        python=platform.python_version(),
+        why_no_wall=why_no_wall() or why_no_limits() or "",
+        clock_s=time.time(),
+    )
+
+
+def examine_machines() -> list[tuple[str, bool, str]]:
+    """Return for each machine of the cluster what it is called, whether it can play with this one, and what was found.
+
+    Raises
+    ------
+    ArenaError
+        The cluster cannot be reached.
+    """
+    here, found = describe_machine(), []
+    with session():
+        remote = ray.remote(max_retries=0, num_cpus=0)(describe_machine)
+        nodes = [node for node in ray.nodes() if node["Alive"]]  # type: ignore[no-untyped-call]
+        asked = [remote.options(scheduling_strategy=NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)) for node in nodes]
+        for node, one in zip(nodes, asked, strict=True):
+            cores = f"{node['Resources'].get('CPU', 0):.0f} cores"
+            begun_s = time.time()
+            try:
+                there = ray.get(one.remote(), timeout=_EXAMINED_S)
+            except RayError as error:
+                found.append((f"machine {node['NodeManagerHostname']}", False, " ".join(str(error).split()).partition(". ")[0]))
+                continue
+            wrong = _compare(here, there, begun_s, time.time())
+            what = f"arena {there.arena}, Python {there.python}, {cores}"
+            found.append((f"machine {there.name}", not wrong, "; ".join([what, *wrong])))
+    return found
+
+
+def _compare(here: Machine, there: Machine, begun_s: float, ended_s: float) -> list[str]:
+    """Return why a machine, asked within these times by our clock, cannot play with this one."""
+    wrong = []
+    if (there.arena, there.rules_version) != (here.arena, here.rules_version):
+        ours = f"arena {here.arena} with rules version {here.rules_version}"
+        wrong.append(f"this machine has {ours}, that one rules version {there.rules_version}: install the same on both")
+    if there.why_no_wall:
+        wrong.append(f"no stranger's fighter can play there: {there.why_no_wall}")
+    apart_s = max(begun_s - there.clock_s, there.clock_s - ended_s, 0.0)
+    if apart_s > _MOST_APART_S:
+        wrong.append(f"its clock is {apart_s:.0f} s off: keep it by NTP")
+    return wrong
 
 
 def _again(task: _Task, error: RayError) -> _Task:

@@ -205,7 +205,7 @@ def _referee(
     log = os.open(setting.journals / _REFEREE_LOG, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
     os.dup2(log, 1)
     os.dup2(log, 2)
-    set_up_logging(0, os.environ.get("ARENA_LOG", "text"))
+    set_up_logging()
     try:
         warm(setting.ruleset)  # before anybody can ask
         _Service(pipe, address, setting).serve(known, dismissed, is_finished=is_finished)

@@ -20,7 +20,7 @@ logger = logging.getLogger(__name__)
 
 MOST_STILLBORN = 3
 """Processes in a row that end before they take matches; after one more, the pit ends."""
-HUNG_S = 20.0
+HUNG_S = 10.0
 """A worker tells of itself every second; one that says nothing for so long is replaced."""
 STOP_S = 5.0
 """How long workers may take to leave their matches."""
@@ -170,7 +170,7 @@ class WorkerProcesses:
         rest_s = min(_FIRST_REST_S * 2 ** (place.n_young_deaths - 2), _MOST_REST_S) if place.n_young_deaths > 1 else 0.0
         place.start_at_s = now_s + rest_s
         lane = None if place.mark.value == NOBODY else int(place.mark.value)
-        if was_ready:
+        if was_ready and not self._is_stopping:
             self._hand_over(lambda: WorkerLost(place.settings.number, lane))
         place.is_ready, place.is_gone = False, True
 

@@ -12,7 +12,7 @@ from arena.game.types import Team, Termination
 from arena.match.seat_record import SeatRecord
 from arena.pit.authenticator import PendingRequest
 from arena.pit.effects import Drop, Effect, MatchEnded, Reply, TellWorker
-from arena.pit.events import ActionReceived, QuestionId, UnfinishedFound, WorkerLost, WorkerReady, WorkerSaid
+from arena.pit.events import ActionReceived, BundleReceived, QuestionId, UnfinishedFound, WorkerLost, WorkerReady, WorkerSaid
 from arena.pit.lanes import Lanes
 from arena.pit.match_session import PitContext
 from arena.pit.match_sessions import PATIENCE_S, MatchClosed, MatchOver, NewMatch
@@ -149,6 +149,16 @@ class RemoteSessions:
 
     def receive(self, event: ActionReceived, now_s: float) -> list[Effect]:
         """Do nothing: workers hear the seats themselves."""
+        return []
+
+    def receive_bundle(self, event: BundleReceived, now_s: float) -> list[Effect]:
+        """Do nothing, as with what comes one by one."""
+        return []
+
+    holds_bundles = False
+
+    def take_bundles(self, now_s: float) -> list[Effect]:
+        """Return nothing: workers send what they gather."""
         return []
 
     def advance(self, now_s: float) -> list[Effect]:

@@ -20,6 +20,7 @@ from queue import SimpleQueue
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from arena.console import set_up_logging
 from arena.errors import ArenaError, LostPitError
 from arena.game.engine import warm
 from arena.game.types import RULES_VERSION
@@ -66,6 +67,7 @@ def work(pipe: Connection, mark: c_longlong) -> None:
         signal.signal(number, signal.SIG_IGN)
     _end_with_pit()
     os.dup2(2, 1)
+    set_up_logging()
     pipe.send_bytes(describe_version())
     try:
         settings = pipe.recv()
@@ -105,7 +107,8 @@ class _WorkerLoop(MatchLoop):
             spectator_key=settings.spectator_key,
             public_delay=settings.public_delay,
         )
-        self._worker = WorkerCore(context, settings.ruleset, settings.time_control)
+        lanes = topics.lanes_of_worker(settings.number)
+        self._worker = WorkerCore(context, settings.ruleset, settings.time_control, lanes, self._note_lane)
         self._orders: SimpleQueue[Order] = SimpleQueue()
         self._reports: SimpleQueue[Report | None] = SimpleQueue()
         self._room = Room(0, 0)
@@ -187,6 +190,9 @@ class _WorkerLoop(MatchLoop):
         effects = super()._hand_in(event)
         self._mark.value = NOBODY
         return effects
+
+    def _note_lane(self, lane: int) -> None:
+        self._mark.value = lane
 
     def _obey(self, order: Order) -> None:
         if isinstance(order, StopWork):

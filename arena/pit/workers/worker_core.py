@@ -1,5 +1,6 @@
 """The matches of a worker as a state machine without I/O: orders of the pit, actions of seats and the time go in."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from arena.errors import ForgedError
@@ -7,7 +8,17 @@ from arena.game.ruleset import Ruleset
 from arena.match.match import Phase
 from arena.match.time_control import TimeControl
 from arena.pit.effects import Effect, TellPit
-from arena.pit.events import ActionReceived, Event, MatchTaken, Ordered, Stopped, TimePassed
+from arena.pit.events import (
+    MORE_MAY_FOLLOW,
+    ActionReceived,
+    ActionsTaken,
+    BundleReceived,
+    Event,
+    MatchTaken,
+    Ordered,
+    Stopped,
+    TimePassed,
+)
 from arena.pit.match_session import PitContext
 from arena.pit.match_sessions import MatchClosed, MatchOver, MatchSessions, NewMatch
 from arena.pit.workers.messages import (
@@ -26,11 +37,24 @@ from arena.pit.workers.messages import (
 
 
 class WorkerCore:
-    """All of a worker but its network, its files, its pipe and its clock."""
+    """All of a worker but its network, its files, its pipe and its clock.
 
-    def __init__(self, context: PitContext, ruleset: Ruleset, time_control: TimeControl) -> None:
+    Parameters
+    ----------
+    lanes, note_lane
+        See `MatchSessions`.
+    """
+
+    def __init__(
+        self,
+        context: PitContext,
+        ruleset: Ruleset,
+        time_control: TimeControl,
+        lanes: range,
+        note_lane: Callable[[int], None] = lambda lane: None,
+    ) -> None:
         self._ruleset = ruleset
-        self._sessions = MatchSessions(context, time_control, _report_over, _report_closed)
+        self._sessions = MatchSessions(context, time_control, _report_over, _report_closed, lanes, note_lane)
         self.n_taken = 0
         """Matches so far."""
 
@@ -43,11 +67,26 @@ class WorkerCore:
         """Return where each match stands."""
         return {one.id: MatchProgress(one.tick, one.match.phase is Phase.WAITING, one.faults()) for one in self._sessions.running}
 
+    @property
+    def holds_bundles(self) -> bool:
+        """Whether something was gathered for clients."""
+        return self._sessions.holds_bundles
+
     def receive(self, event: Event, now_s: float) -> list[Effect]:
         """Take an event; return what is to be done."""
+        effects = self._take(event, now_s)
+        if self._sessions.holds_bundles and type(event) not in MORE_MAY_FOLLOW:
+            effects = [*effects, *self._sessions.take_bundles(now_s)]
+        return effects
+
+    def _take(self, event: Event, now_s: float) -> list[Effect]:
         match event:
             case ActionReceived():
                 return self._sessions.receive(event, now_s)
+            case BundleReceived():
+                return self._sessions.receive_bundle(event, now_s)
+            case ActionsTaken():
+                return []
             case TimePassed(received_until_s):
                 return self._sessions.advance(received_until_s)
             case Ordered(order):
@@ -82,7 +121,7 @@ class WorkerCore:
         if session is None:
             return None
         try:
-            return order.caller.answer(session.issue_ticket(order.seat.team, order.caller))
+            return order.caller.answer(self._sessions.make_ticket(session, order.seat.team, order.caller))
         except ForgedError:
             return None
 

@@ -565,6 +565,16 @@ def test_history_is_what_was_shown_and_what_was_played() -> None:
         assert table.match.history(team, 10**30) == ([], [])
 
 
+def test_history_says_the_time_that_each_turn_had_and_goes_on_for_who_comes_back_again() -> None:
+    table = Table().begin()
+    for at_s in (0.0, 1.5, 4.0):  # each turn takes longer than its time, and the bank pays
+        table.play(at_s)
+        for team in (BLUE, RED):
+            shown = [event.observation for event in table.events if isinstance(event, Ask) and event.team is team]
+            assert table.match.history(team, 0)[0] == shown[: table.match.tick]
+    assert len({shown[:16] for shown in table.match.history(BLUE, 0)[0]}) == 3
+
+
 def test_void_is_no_score() -> None:
     table = Table().begin()
     table.play(0.0)

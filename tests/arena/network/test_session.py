@@ -16,9 +16,11 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
 from arena.errors import InputError, LostPitError
-from arena.network.access import Certificate
+from arena.game.types import Team
+from arena.network.access import WORKERS_PROTOCOL, Certificate
 from arena.network.address import free_port
-from arena.network.session import Broadcast, Session, open_client, open_router, read_payload
+from arena.network.session import Broadcast, Session, open_client, open_router, read_key, read_payload
+from arena.protocol import topics
 
 WAIT_S = 10.0
 
@@ -228,3 +230,29 @@ def test_a_client_says_what_is_wrong_with_the_certificates_it_trusts(tmp_path: P
 
     with pytest.raises(InputError, match=said):
         open_client(f"tls/127.0.0.1:{free_port()}", tmp_path / ca)
+
+
+def test_a_worker_hears_its_own_lanes_alone_and_speaks_to_seats(tmp_path: Path) -> None:
+    endpoint, workers = f"tcp/127.0.0.1:{free_port()}", f"{WORKERS_PROTOCOL}/{tmp_path}/w"
+    own, others = (topics.action("p", topics.lanes_of_worker(worker).start, Team.RED) for worker in (1, 2))
+    shown = topics.observation("p", topics.lanes_of_worker(1).start, Team.RED)
+    with open_router(endpoint, "p", workers_endpoint=workers), open_client(workers) as worker, open_client(endpoint) as client:
+        heard, seen = worker.collect(topics.actions_of_worker("p", 1), 8), client.collect(shown, 8)
+        to_own, to_others, back = client.broadcast(own), client.broadcast(others), worker.broadcast(shown)
+        for broadcast in (to_own, back):
+            await_subscribers(broadcast, expected=True)
+        assert not to_others.has_subscribers
+
+        to_own.put(b"orders")
+        back.put(b"observation")
+
+        sample = heard.wait()
+        assert (read_key(sample), read_payload(sample)) == (own, b"orders")
+        assert read_payload(seen.wait()) == b"observation"
+
+
+def test_strangers_may_not_come_as_workers_do(tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError, match=r"^workers are known by unixsock-stream/, where nobody else may connect; listen at tcp/"
+    ):
+        open_router(f"{WORKERS_PROTOCOL}/{tmp_path}/a", "p", workers_endpoint=f"{WORKERS_PROTOCOL}/{tmp_path}/w")

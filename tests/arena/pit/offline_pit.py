@@ -24,9 +24,11 @@ from arena.pit.effects import (
     ReplyWithJournal,
     SaveRegister,
     Send,
+    SendBundle,
 )
 from arena.pit.events import (
     ActionReceived,
+    ActionsTaken,
     Event,
     JoinAsked,
     JournalAsked,
@@ -39,6 +41,7 @@ from arena.pit.events import (
 from arena.pit.match_session import PitContext
 from arena.pit.register import Register
 from arena.pit.seating import OpenSeating, Seating
+from arena.protocol.bundles import read_bundle, read_seat_number
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Attempt, Request
 from arena.protocol.identity import Identity
@@ -104,8 +107,12 @@ class OfflinePit:
         self.n_asked = 0
         self.files: dict[str, str] = {}
         """By match that is open: its journal."""
+        self.lanes: dict[int, str] = {}
+        """The match of each."""
         self.journals: dict[str, bytes] = {}
         self.sent: dict[tuple[str, Team], list[bytes]] = defaultdict(list)
+        self.bundles: dict[int, list[bytes]] = defaultdict(list)
+        """By lane."""
         self.public: dict[str, list[bytes]] = defaultdict(list)
         self.truths: dict[str, list[bytes]] = defaultdict(list)
         self.ended: list[MatchEnded] = []
@@ -136,16 +143,20 @@ class OfflinePit:
                 self._answer(question, None)
             case ReplyWithJournal(question, journal, offset):
                 self._answer(question, self.journals[journal][offset:])
-            case OpenMatch(match, journal, n_bytes, _):
+            case OpenMatch(match, journal, n_bytes, lane):
                 assert match not in self.files
-                self.files[match] = journal
+                self.files[match], self.lanes[lane] = journal, match
                 if n_bytes:
                     self.journals[journal] = self.journals[journal][:n_bytes]
             case Append(match, data):
                 self.journals[self.files[match]] = self.journals.get(self.files[match], b"") + data
             case Send(match, team, payload):
-                self._check_written_ahead(match, int.from_bytes(payload[8:12], "big"))
-                self.sent[match, team].append(payload)
+                self._send(match, team, payload)
+            case SendBundle(lane, payload):
+                self.bundles[lane].append(payload)
+                for number, message in read_bundle(payload):
+                    lane_of_seat, team = read_seat_number(number)
+                    self._send(self.lanes[lane_of_seat], team, message)
             case PublishTick(match, make_public, make_truth):
                 self.public[match].append(make_public())
                 if make_truth is not None:
@@ -159,6 +170,10 @@ class OfflinePit:
             case SaveRegister():
                 self.register.save()
                 self.n_saved += 1
+
+    def _send(self, match: str, team: Team, payload: bytes) -> None:
+        self._check_written_ahead(match, int.from_bytes(payload[8:12], "big"))
+        self.sent[match, team].append(payload)
 
     def _answer(self, question: int, payload: bytes | None) -> None:
         assert question < self.n_asked
@@ -281,7 +296,8 @@ class Player:
         return self.ticket.match, self.team
 
     def put(self, data: bytes) -> list[Effect]:
-        return self.pit.do(ActionReceived(self.ticket.lane, self.team, data))
+        effects = self.pit.do(ActionReceived(self.ticket.lane, self.team, data))
+        return effects + self.pit.do(ActionsTaken())
 
     def send(self, message: Message, tick: int = 0) -> "Player":
         self.put(self.sealer.close(encode(message), tick))

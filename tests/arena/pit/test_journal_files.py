@@ -125,9 +125,7 @@ def test_many_journals_have_no_more_files_open_than_few(tmp_path: Path) -> None:
     assert len(list(Path("/dev/fd").iterdir())) == before
 
 
-def test_journals_are_written_on_while_the_process_can_open_no_more_files(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_journals_are_written_on_while_no_more_files_can_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     among = OpenJournals(most=3)
     journals = [JournalFile(tmp_path / name, 0, fsync=False, among=among) for name in "ab"]
     open_one, most = os.open, 2

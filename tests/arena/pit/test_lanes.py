@@ -1,8 +1,14 @@
 """Numbers that matches use one after another."""
 
+from itertools import pairwise
+
+import pytest
 from offline_pit import RULES, OfflinePit, begin, play
 
+from arena.errors import UnreadableError
+from arena.game.types import Team
 from arena.pit.lanes import REST_S, Lanes
+from arena.protocol import topics
 
 
 def test_a_lane_is_used_again_once_it_has_rested_and_there_are_as_few_as_matches_at_once() -> None:
@@ -58,3 +64,24 @@ def test_what_comes_after_a_lane_has_rested_is_not_forged_in_its_next_match() ->
     play(eve, dan)
 
     assert not any(n for seat in pit.ended[-1].seats.values() for n in seat.faults().values())
+
+
+def test_each_worker_has_lanes_of_its_own_and_hears_no_others() -> None:
+    lanes = [topics.lanes_of_worker(worker) for worker in range(1, topics.MOST_WORKERS + 1)]
+    heard = [topics.actions_of_worker("pit", worker).replace("$*", "").removesuffix("/*/action") for worker in (1, 2, 64)]
+
+    assert all(one.stop == other.start for one, other in pairwise(lanes))
+    for worker, prefix in zip((1, 2, 64), heard, strict=True):
+        for lane in (lanes[worker - 1].start, lanes[worker - 1].stop - 1):
+            key = topics.action("pit", lane, Team.RED)
+            assert [key.startswith(one) for one in heard] == [one == prefix for one in heard]
+            assert topics.read_action(key) == (lane, Team.RED)
+        assert topics.beat_of_worker("pit", worker).startswith(prefix)
+        with pytest.raises(UnreadableError):
+            topics.read_action(topics.beat_of_worker("pit", worker))
+
+
+def test_lanes_within_a_range_begin_again_at_its_start() -> None:
+    lanes = Lanes(first=12, within=range(10, 13))
+
+    assert [lanes.take(0.0) for _ in range(3)] == [12, 10, 11]

@@ -30,6 +30,7 @@ from arena.pit.workers.worker import describe_version
 from arena.pit.workers.worker_core import WorkerCore
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Done, Ended, Refusal, Signed, Turn
+from arena.protocol.topics import lanes_of_worker
 from arena.records.journal import Header, journal_name, read_journal
 from arena.records.plan import network_name
 from arena.records.replay import verify
@@ -228,15 +229,15 @@ class PitWithWorkers(OfflinePit):
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
         self.core = PitCore(CONTEXT, RULES, self.seating, TimeControl(), self.register, n_workers=2)
-        self.workers = {number: WorkerCore(CONTEXT, RULES, TimeControl()) for number in (1, 2)}
+        self.workers = {number: WorkerCore(CONTEXT, RULES, TimeControl(), lanes_of_worker(number)) for number in (1, 2)}
         for number in self.workers:
             self.do(WorkerReady(number))
             self.do(WorkerSaid(number, Room(0, 8)))
 
     def do(self, event: Event) -> list[Effect]:
         if isinstance(event, ActionReceived):
-            worker = (event.lane - 100_000) // 10_000 + 1
-            self._carry_all(self.workers[worker].receive(event, self.now_s), worker)
+            its = (event.lane - 100_000) // 10_000 + 1
+            self._carry_all(self.workers[its].receive(event, self.now_s), its)
             return []
         effects = self.core.receive(event, self.now_s)
         self._carry_all(effects)

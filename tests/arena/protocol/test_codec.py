@@ -35,6 +35,7 @@ VALUES: dict[Any, st.SearchStrategy[Any]] = {
     str: st.text(max_size=70),
     bytes: st.binary(max_size=200),
     float: st.floats(allow_nan=False),
+    int | None: st.none() | WHOLE,
     str | None: st.none() | st.text(max_size=9),
     float | None: st.none() | st.floats(allow_nan=False),
     list[int]: st.lists(WHOLE, max_size=4),
@@ -80,9 +81,9 @@ def test_a_field_that_came_later_is_left_out_at_its_default_and_else_refused_by_
 
     assert bytes_of_now == [*bytes_of_before, 20]
     assert decode(encode(delayed)) == delayed
-    with pytest.raises(UnreadableError, match="Ticket has 11 fields, not 12"):
-        decode(msgpack.packb([*bytes_of_now, 1]))
-    with pytest.raises(UnreadableError, match="Ticket has 11 fields, not 9"):
+    with pytest.raises(UnreadableError, match="Ticket has 12 fields, not 13"):
+        decode(msgpack.packb([*bytes_of_now, None, 1]))
+    with pytest.raises(UnreadableError, match="Ticket has 12 fields, not 9"):
         decode(msgpack.packb(bytes_of_before[:-1]))
 
 
@@ -222,6 +223,7 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
         "PastTruth",
         "SeasonRequest",
         "SeasonAnswer",
+        "Bundle",
     ]
     assert shape["JoinRequest"] == [
         "rules_version: int",
@@ -234,10 +236,12 @@ def test_a_change_of_a_message_is_a_change_of_the_protocol() -> None:
         "invite: str",
         *FILLED_IN,
         "version: str",
+        "bundles: bool",
     ]
     assert shape["AdminRequest"] == ["command: str", "target: str", *FILLED_IN]
     assert shape["Challenge"] == ["pit_key: bytes", "sealing_key: bytes", "number: bytes", "signature: bytes"]
-    assert shape["Ticket"][-3:] == ["secret: bytes", "commitment: bytes", "public_delay: int"]
+    assert shape["Ticket"][-4:] == ["secret: bytes", "commitment: bytes", "public_delay: int", "bundle_lane: int | None"]
+    assert shape["Bundle"] == ["seats: list", "messages: list"]
     for name, only in (
         ("SealedRequest", ["sealed: bytes"]),
         ("SealedAnswer", ["sealed: bytes"]),

@@ -9,8 +9,8 @@ from arena.protocol import topics
 CHUNKS = st.from_regex(r"[A-Za-z0-9_-]{1,64}", fullmatch=True)
 
 
-@given(CHUNKS, st.integers(0, 999_999), st.sampled_from(Team))
-def test_an_action_key_is_read_back(pit: str, lane: int, team: Team) -> None:
+@given(CHUNKS, st.integers(0, 999_999), st.sampled_from([*Team, None]))
+def test_an_action_key_is_read_back(pit: str, lane: int, team: Team | None) -> None:
     assert topics.read_action(topics.action(pit, lane, team)) == (lane, team)
 
 
@@ -24,6 +24,7 @@ def test_the_keys_are_those_of_the_design() -> None:
     assert topics.lobby("p") == "arena/p/lobby"
     assert topics.observation("p", 7, Team.RED) == "arena/p/lane/7/red/observation"
     assert topics.action("p", 7, Team.BLUE) == "arena/p/lane/7/blue/action"
+    assert topics.observation("p", 7, None) == "arena/p/lane/7/all/observation"
     assert topics.all_actions("p") == "arena/p/lane/*/*/action"
     assert topics.public("p", "m") == "arena/p/match/m/public"
     assert topics.presence("p", "ann", "c") == "arena/p/presence/ann/c"

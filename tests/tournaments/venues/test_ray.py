@@ -10,6 +10,8 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -193,6 +195,25 @@ def test_a_fighter_that_ends_its_process_is_not_tried_for_ever(
         list(play_on_cluster(RULES, plans, entries, journals=tmp_path / "journals"))
 
     assert witness.count() == tries
+
+
+def test_the_doctor_asks_every_machine_and_finds_what_keeps_one_from_playing(
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tournaments.venues.ray, "RULES_VERSION", 99)
+    amiss = tournaments.venues.ray.examine_machines()
+    here = replace(tournaments.venues.ray.describe_machine(), why_no_wall="")
+    off = replace(here, clock_s=here.clock_s - 60, why_no_wall="no bubblewrap")
+
+    assert [(what, is_ok, finding.partition(", Python")[0]) for what, is_ok, finding in amiss] == [
+        (f"machine {socket.gethostname()}", False, f"arena {version('arena-pit')}")
+    ] * 2
+    assert all("with rules version 99, that one rules version" in finding for _, _, finding in amiss)
+    assert tournaments.venues.ray._compare(here, here, here.clock_s - 1, here.clock_s) == []
+    assert tournaments.venues.ray._compare(here, off, here.clock_s, here.clock_s) == [
+        "no stranger's fighter can play there: no bubblewrap",
+        "its clock is 60 s off: keep it by NTP",
+    ]
 
 
 def test_a_bug_is_raised_at_once(cluster: Cluster, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
