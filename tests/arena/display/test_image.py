@@ -200,11 +200,17 @@ def test_every_code_and_every_mark_looks_different() -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ([], "say one of --gif, for every tick, --png, for one, and --html, for a page"),
-        (["--gif", "--png"], "say one of --gif, for every tick, --png, for one, and --html, for a page"),
-        (["--out", "match.txt"], "say one of --gif, for every tick, --png, for one, and --html, for a page"),
+        ([], "say one of --gif, for every tick, --png, for one, --html, for a page, and --journal, for the journal itself"),
+        (
+            ["--gif", "--png"],
+            "say one of --gif, for every tick, --png, for one, --html, for a page, and --journal, for the journal itself",
+        ),
+        (
+            ["--out", "match.txt"],
+            "say one of --gif, for every tick, --png, for one, --html, for a page, and --journal, for the journal itself",
+        ),
         (["--html", "--tick", "3"], "--tick is for --png; --html shows every tick"),
-        (["--html", "--team", "red"], "--team is for pictures; --html shows both views"),
+        (["--html", "--team", "red"], "--team is for pictures; --html has both views"),
         (["--gif", "--tick", "3"], "--tick is for --png; --gif shows every tick"),
         (["--png", "--tick", "101"], "--tick is 101; the match has ticks 0 to "),
         (["--png", "--tick", "-1"], "--tick is -1; the match has ticks 0 to "),
