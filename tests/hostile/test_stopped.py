@@ -84,6 +84,7 @@ class Proxy:
     def was_cut_off(self) -> bool:
         """Read what the pit has sent since, and return whether it let go of this connection."""
         self._pit.settimeout(PATIENCE_S)
+        self._pit.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)  # or what the system keeps takes minutes to come
         try:
             while self._pit.recv(1 << 16):
                 pass
