@@ -11,7 +11,7 @@ import pytest
 
 from arena.errors import ArenaError
 from arena.records.journal import journal_name
-from benchmarks.measuring import faults, watch
+from benchmarks.measuring import faults, journal_watch
 from benchmarks.measuring.audit import audit_league
 from benchmarks.measuring.faults import FaultInjector, Kind, Target
 from benchmarks.measuring.trends import WARM_UP_S, Lives
@@ -116,7 +116,7 @@ def test_how_long_nobody_played_is_counted_from_the_fault_on_and_not_where_nobod
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = SimpleNamespace(monotonic=lambda: now_s)
-    for module in (faults, watch):
+    for module in (faults, journal_watch):
         monkeypatch.setattr(module, "time", clock)
     now_s, repaired = 0.0, list[float]()
     kind = Kind(
@@ -124,7 +124,7 @@ def test_how_long_nobody_played_is_counted_from_the_fault_on_and_not_where_nobod
         find=lambda: [Target(name="one", inflict=lambda: lambda: repaired.append(now_s), entry="ann")],
         lasts_s=(5.0, 5.0),
     )
-    injector = FaultInjector("pit", watch.JournalWatch(tmp_path), [kind], 1, every_s=0.001)
+    injector = FaultInjector("pit", journal_watch.JournalWatch(tmp_path), [kind], 1, every_s=0.001)
 
     def play(identity: str) -> None:
         with (tmp_path / journal_name(identity)).open("ab") as journal:
