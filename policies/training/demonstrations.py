@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.errors import InputError
+from arena.folders import make_folder
 from arena.game.ruleset import Ruleset, load
 from policies.networks.checkpoint import write_whole
 from policies.networks.features import FEATURES_VERSION, UPSIDE_DOWN
@@ -101,10 +102,7 @@ class DemonstrationFolder:
                 what = f"with another value of {', '.join(changed)}" if changed else "by another version, or other rules"
                 raise InputError(f"the demonstrations in {self.path} were made {what}; choose another --out")
             return
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot make the folder {self.path}: {error.strerror}") from error
+        make_folder(self.path, f"cannot make the folder {self.path}")
         write_whole(self.path / _MANIFEST, json.dumps(manifest, indent=2).encode() + b"\n")
 
     def read_manifest(self) -> dict[str, Any]:

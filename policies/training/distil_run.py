@@ -19,20 +19,18 @@ from torch.nn import functional
 
 from arena.errors import InputError
 from arena.game.ruleset import Ruleset
-from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from policies.networks.checkpoint import describe, save_checkpoint
 from policies.networks.learned import CHUNK
 from policies.networks.models import Judge, TeamNetwork, TeamShape, channels_last
 from policies.networks.precision import autocast, precision_of
-from policies.training.budget import Budget
 from policies.training.demonstrations import CERTAIN, DemonstrationFolder, Demonstrations, join, mirrored, read
 from policies.training.distil_settings import DistilSettings
-from policies.training.folder import LAST, STEP, RunFolder
+from policies.training.folder import LAST, STEP
 from policies.training.gradients import bound_gradients
-from policies.training.parallel import Processes
-from policies.training.record import Record, ReportProgress
+from policies.training.record import Record
 from policies.training.start import read_start
+from policies.training.training_run import TrainingRun
 
 MOST_NORM = 1.0
 AT_ONCE = 4
@@ -67,34 +65,14 @@ class Counts:
     """Time spent training, over all sittings."""
 
 
-class DistilRun:
-    """One run in one process of perhaps several.
+class DistilRun(TrainingRun[DistilSettings]):
+    """One run in one process of perhaps several; see `TrainingRun`."""
 
-    Parameters
-    ----------
-    start
-        A checkpoint's file, or nothing.
-    report
-        Called after each group of files.
-    device
-        Where the network computes, as torch names it.
-    """
+    counts: Counts
 
-    def __init__(
-        self,
-        folder: RunFolder,
-        settings: DistilSettings,
-        start: str,
-        budget: Budget,
-        processes: Processes,
-        report: ReportProgress,
-        device: str = "cpu",
-    ) -> None:
-        self.folder, self.settings, self.start, self.budget, self.processes, self._report = (
-            folder, settings, start, budget, processes, report,
-        )  # fmt: skip
+    def _begin(self, device: str) -> None:
+        settings, start = self.settings, self.start
         self.device, self.precision = torch.device(device), precision_of(device)
-        self.ruleset = load_rules(settings.rules)
         self._files: list[tuple[Path, Ruleset]] = []
         self._unseen: list[tuple[Path, Ruleset]] = []
         for path in settings.data:
@@ -119,9 +97,6 @@ class DistilRun:
         self.parameters = [*self.network.parameters(), *self.judge.parameters()]
         self.optimiser = torch.optim.Adam(self.parameters, lr=settings.rate)
         self.counts = Counts()
-        state = folder.load_state()
-        if state is not None:
-            self._restore(state)
 
     def train(self, should_stop: Callable[[], bool]) -> bool:
         """Go on until passes or budget are used up, or `should_stop` says so; then save. Return whether they are used up."""
@@ -151,16 +126,11 @@ class DistilRun:
         })  # fmt: skip
 
     def _restore(self, state: Mapping[str, Any]) -> None:
-        try:
-            self.network.load_state_dict(state["network"])
-            self.judge.load_state_dict(state["judge"])
-            self.optimiser.load_state_dict(state["optimiser"])
-            self.average = {name: tensor.to(self.device) for name, tensor in state["average"].items()}
-            self.counts = Counts(**state["counts"])
-        except (KeyError, RuntimeError, TypeError, ValueError) as error:
-            raise InputError(f"cannot go on from {self.folder.path}: its state is of another version ({error})") from error
-        if self.processes.is_first:
-            self.folder.cut_metrics(self.counts.step)
+        self.network.load_state_dict(state["network"])
+        self.judge.load_state_dict(state["judge"])
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.average = {name: tensor.to(self.device) for name, tensor in state["average"].items()}
+        self.counts = Counts(**state["counts"])
 
     @property
     def _n_groups(self) -> int:
@@ -249,12 +219,12 @@ class DistilRun:
         path, ruleset = self._unseen[self.counts.step % len(self._unseen)]
         samples = read(path)
         rows = rng.permutation(len(samples.outcome))[: self.settings.minibatch]
-        averaged = TeamNetwork(self.network.shape).to(self.device)
+        averaged = channels_last(TeamNetwork(self.network.shape).to(self.device))
         averaged.load_state_dict(self.average)
         sums = torch.zeros(3, device=self.device)
         with torch.inference_mode():
             for part in np.array_split(rows, math.ceil(len(rows) / CHUNK)):
-                sums += self._loss(channels_last(averaged), samples, part, ruleset)[1] * (len(part) / len(rows))
+                sums += self._loss(averaged, samples, part, ruleset)[1] * (len(part) / len(rows))
         return list(sums.tolist())
 
     def _note(self, n: int, metrics: Mapping[str, float]) -> None:

@@ -17,6 +17,7 @@ from typing import Any
 import torch
 
 from arena.errors import ArenaError, InputError
+from arena.folders import make_folder
 from policies.networks.checkpoint import write_whole
 
 SETTINGS, METRICS, START, LAST, STATE = "settings.json", "metrics.csv", "start.safetensors", "last.safetensors", "state.pt"
@@ -50,10 +51,7 @@ class RunFolder:
             There is a run in it already, or nothing can be written there.
         """
         self.refuse_if_taken()
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot make the folder {self.path}: {error.strerror}") from error
+        make_folder(self.path, f"cannot make the folder {self.path}")
         write_whole(self.path / SETTINGS, json.dumps(config, indent=2).encode() + b"\n")
 
     def read_settings(self) -> dict[str, Any]:

@@ -23,16 +23,15 @@ from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from policies.networks.checkpoint import describe, save_checkpoint
 from policies.networks.models import Critic, TeamNetwork, TeamShape
-from policies.training.budget import Budget
 from policies.training.clone import Teacher, clone
-from policies.training.folder import LAST, START, STEP, RunFolder
+from policies.training.folder import LAST, START, STEP
 from policies.training.opponents import BEST, PAST, SELF, Newest, Opponents, Pool, assign, prioritise
-from policies.training.parallel import Processes
 from policies.training.ppo import Learner, Schedule
 from policies.training.ppo_settings import PpoSettings
-from policies.training.record import Record, ReportProgress
+from policies.training.record import Record
 from policies.training.rollout import Actors, LearnerSeats, Results
 from policies.training.start import read_start
+from policies.training.training_run import TrainingRun
 
 CLONE = "clone:"
 _LEARNING = (
@@ -73,33 +72,13 @@ def schedule(settings: PpoSettings, progress: float, rollouts: int) -> Schedule:
     )
 
 
-class PpoRun:
-    """One run in one process of perhaps several.
+class PpoRun(TrainingRun[PpoSettings]):
+    """One run in one process of perhaps several; see `TrainingRun`."""
 
-    Parameters
-    ----------
-    start
-        `clone:FIGHTER`, a checkpoint's file, or nothing.
-    report
-        Called after each step.
-    device
-        Where the networks compute, as torch names it; matches are played on the CPU.
-    """
+    counts: Counts
 
-    def __init__(
-        self,
-        folder: RunFolder,
-        settings: PpoSettings,
-        start: str,
-        budget: Budget,
-        processes: Processes,
-        report: ReportProgress,
-        device: str = "cpu",
-    ) -> None:
-        self.folder, self.settings, self.start, self.budget, self.processes, self._report = (
-            folder, settings, start, budget, processes, report,
-        )  # fmt: skip
-        self.ruleset: Ruleset = load_rules(settings.rules)
+    def _begin(self, device: str) -> None:
+        settings, start, processes = self.settings, self.start, self.processes
         self._rulesets = {name: load_rules(name) for name in settings.shares()}
         for ruleset in self._rulesets.values():
             if ruleset.side % 2 or not ruleset.team(Team.BLUE):
@@ -119,13 +98,10 @@ class PpoRun:
         self.scores: dict[str, float] = {}
         self.newest = Newest()
         """Results of a run that has one opponent, and trains a best response to it."""
-        state = folder.load_state()
-        if state is not None:
-            self._restore(state)
-        self.counts.sittings += 1
 
     def train(self, should_stop: Callable[[], bool]) -> bool:
         """Go on until the budget is used up, or `should_stop` says so; then save. Return whether the budget is used up."""
+        self.counts.sittings += 1
         self.actors = {name: Actors(list(self._seat(ruleset))) for name, ruleset in self._rulesets.items()}
         self._generator = torch.Generator().manual_seed(self.settings.seed + self.processes.rank + 977 * self.counts.sittings)
         self._rng = np.random.default_rng([self.settings.seed, self.processes.rank, self.counts.sittings])
@@ -198,20 +174,15 @@ class PpoRun:
         })  # fmt: skip
 
     def _restore(self, state: Mapping[str, Any]) -> None:
-        try:
-            self.learner.network.load_state_dict(state["network"])
-            self.learner.critic.load_state_dict(state["critic"])
-            self.learner.optimiser.load_state_dict(state["optimiser"])
-            self.learner.average = {name: one.to(self.learner.device) for name, one in state["average"].items()}
-            self.learner.scale.mean, self.learner.scale.square, self.learner.scale.weight = state["scale"]
-            self.pool.selves, self.pool.points = state["selves"], state["points"]
-            self.pool.recent.extend(state["recent"])
-            self.counts, self.scores = Counts(**state["counts"]), state["scores"]
-            self.newest = Newest(state.get("newest", []))  # runs of earlier versions kept none
-        except (KeyError, RuntimeError, TypeError, ValueError) as error:
-            raise InputError(f"cannot go on from {self.folder.path}: its state is of another version ({error})") from error
-        if self.processes.is_first:
-            self.folder.cut_metrics(self.counts.step)
+        self.learner.network.load_state_dict(state["network"])
+        self.learner.critic.load_state_dict(state["critic"])
+        self.learner.optimiser.load_state_dict(state["optimiser"])
+        self.learner.average = {name: one.to(self.learner.device) for name, one in state["average"].items()}
+        self.learner.scale.mean, self.learner.scale.square, self.learner.scale.weight = state["scale"]
+        self.pool.selves, self.pool.points = state["selves"], state["points"]
+        self.pool.recent.extend(state["recent"])
+        self.counts, self.scores = Counts(**state["counts"]), state["scores"]
+        self.newest = Newest(state.get("newest", []))  # runs of earlier versions kept none
 
     def _clone(self, should_stop: Callable[[], bool]) -> None:
         teachers = {

@@ -21,13 +21,12 @@ from arena.policy import BatchPolicy
 from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
 from policies.networks.models import PaperTeam
 from policies.registry import load
-from policies.training.budget import Budget
 from policies.training.curriculum import PROGRESS, check_start
-from policies.training.folder import LAST, STEP, RunFolder
-from policies.training.parallel import Processes
-from policies.training.record import Record, ReportProgress
+from policies.training.folder import LAST, STEP
+from policies.training.record import Record
 from policies.training.reinforce import METRICS, Reinforcer
 from policies.training.reinforce_settings import SELF, ReinforceSettings
+from policies.training.training_run import TrainingRun
 from policies.training.trajectories import Outcome, RoundPlayer
 
 _WINDOW = 0.1
@@ -48,33 +47,13 @@ class Counts:
     sittings: int = 0
 
 
-class ReinforceRun:
-    """One run in one process of perhaps several.
+class ReinforceRun(TrainingRun[ReinforceSettings]):
+    """One run in one process of perhaps several; see `TrainingRun`."""
 
-    Parameters
-    ----------
-    start
-        A checkpoint's file, or nothing.
-    report
-        Called after each round.
-    device
-        Where the network computes, as torch names it; matches are played on the CPU.
-    """
+    counts: Counts
 
-    def __init__(
-        self,
-        folder: RunFolder,
-        settings: ReinforceSettings,
-        start: str,
-        budget: Budget,
-        processes: Processes,
-        report: ReportProgress,
-        device: str = "cpu",
-    ) -> None:
-        self.folder, self.settings, self.start, self.budget, self.processes, self._report = (
-            folder, settings, start, budget, processes, report,
-        )  # fmt: skip
-        self.ruleset = load_rules(settings.rules)
+    def _begin(self, device: str) -> None:
+        settings, start, processes = self.settings, self.start, self.processes
         n_units = len(self.ruleset.team(Team.BLUE))
         if not n_units:
             raise InputError(f"ruleset {self.ruleset.name}: blue has no units to train")
@@ -87,13 +66,10 @@ class ReinforceRun:
         self.learner = Reinforcer(network, settings, processes, device)
         self.counts = Counts()
         self.means = {"won": 0.0, "score": 0.0}
-        state = folder.load_state()
-        if state is not None:
-            self._restore(state)
-        self.counts.sittings += 1
 
     def train(self, should_stop: Callable[[], bool]) -> bool:
         """Go on until the budget is used up, or `should_stop` says so; then save. Return whether the budget is used up."""
+        self.counts.sittings += 1
         first_row, n_rows = self.processes.share(self.settings.update_every)
         env = BatchedEnv(self.ruleset, n_rows, seed=self.settings.seed, first_row=first_row)
         self._rounds = RoundPlayer(env, self._seat_opponent(n_rows), self.settings)
@@ -130,14 +106,9 @@ class ReinforceRun:
         })  # fmt: skip
 
     def _restore(self, state: Mapping[str, Any]) -> None:
-        try:
-            self.learner.network.load_state_dict(state["network"])
-            self.learner.optimiser.load_state_dict(state["optimiser"])
-            self.counts, self.means = Counts(**state["counts"]), state["means"]
-        except (KeyError, RuntimeError, TypeError, ValueError) as error:
-            raise InputError(f"cannot go on from {self.folder.path}: its state is of another version ({error})") from error
-        if self.processes.is_first:
-            self.folder.cut_metrics(self.counts.step)
+        self.learner.network.load_state_dict(state["network"])
+        self.learner.optimiser.load_state_dict(state["optimiser"])
+        self.counts, self.means = Counts(**state["counts"]), state["means"]
 
     def _seat_opponent(self, n_rows: int) -> BatchPolicy | None:
         """Return who plays red, or None: nobody does, or the learner itself."""
