@@ -7,6 +7,7 @@ other to read. It ends by itself when the scheduler is gone.
 import multiprocessing
 import os
 import signal
+import time
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -165,6 +166,9 @@ class RefereeProcess:
             It cannot go on, as when its disk is full.
         """
         heard: list[Outcome | News | Done] = []
+        if not self._is_open:  # reaped and not started again, as after the last match
+            time.sleep(wait_s)
+            return heard
         try:
             while self._pipe.poll(0 if heard else wait_s):
                 message = self._pipe.recv()
@@ -184,6 +188,7 @@ class RefereeProcess:
 
     def reap(self, reason: str = "") -> None:
         """Take note of a referee that is gone; `ArenaError` if that happens again and again."""
+        self._is_open = False
         self._process.join()
         self._pipe.close()
         self._restarts.note_death()

@@ -109,6 +109,8 @@ def test_who_joins_by_itself_stays_while_it_has_nothing_to_play_and_idle_clients
             assert player.poll() is None
             pit.finish()
             receive_until(pit, lambda: player.poll() is not None)
+            for _ in range(tournament_processes.MOST_DEATHS + 2):
+                assert not pit.receive(), "a referee that is done has not died"
         finally:
             player.kill()
             said = player.communicate()[1]
