@@ -4,7 +4,7 @@ Zenoh's callbacks put into bounded queues and do nothing else.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Protocol
@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from arena.errors import UnreadableError
 from arena.folders import data_folder
 from arena.network.session import Collector, Put, Sample, Session, read_key, read_payload
-from arena.pit.channels import MatchChannels, open_lane
+from arena.pit.channels import MatchChannels, OpenJournal, open_lane
 from arena.pit.effects import Append, CloseMatch, Effect, OpenMatch, PublishEnding, PublishTick, Send, SendBundle
 from arena.pit.events import ActionReceived, ActionsTaken, BundleReceived, Event, Stopped
 from arena.pit.journal_files import JournalFile, OpenJournals, SpareJournals
@@ -145,19 +145,22 @@ class MatchLoop:
 
     def _hand_in(self, event: Event) -> list[Effect]:
         """Hand an event to the core and carry out what it wants done."""
-        effects: list[Any] = self._core.receive(event, self._read_clock())
+        effects = self._core.receive(event, self._read_clock())
         try:
-            effect: Any  # of one of two kinds, told by its type, which a dictionary knows and a type checker does not
-            for effect in effects:
-                in_match = _IN_MATCH.get(type(effect))
-                if in_match is not None:
-                    in_match(self._channels[effect.match], effect)
-                else:
-                    self._carry_out[type(effect)](effect)
+            self._perform(effects)
         except BaseException:
             self._has_failed = True
             raise
         return effects
+
+    def _perform(self, effects: Sequence[Any]) -> None:
+        effect: Any  # of one of two kinds, told by its type, which a dictionary knows and a type checker does not
+        for effect in effects:
+            in_match = _IN_MATCH.get(type(effect))
+            if in_match is not None:
+                in_match(self._channels[effect.match], effect)
+            else:
+                self._carry_out[type(effect)](effect)
 
     def _take_action(self, sample: Sample, arrived_s: float | None) -> int:
         """Hand in an action, or several in a bundle; return about how many."""
@@ -196,16 +199,17 @@ class MatchLoop:
 
     # Effects
 
-    def _open_match(self, effect: OpenMatch) -> None:
+    def _open_journal(self, effect: OpenMatch) -> OpenJournal:
         if effect.n_bytes:
-            journal = JournalFile(self._journals / effect.journal, effect.n_bytes, fsync=self._fsync, among=self._open_journals)
-        else:
-            journal = self._spare_journals.take(effect.journal)
+            return JournalFile(self._journals / effect.journal, effect.n_bytes, fsync=self._fsync, among=self._open_journals)
+        return self._spare_journals.take(effect.journal)
+
+    def _open_match(self, effect: OpenMatch) -> None:
         puts = self._lanes.get(effect.lane)
         if puts is None:
             puts = self._lanes[effect.lane] = open_lane(self._session, self._pit, effect.lane)
         self._channels[effect.match] = MatchChannels(
-            self._session, self._pit, journal, effect.match, puts, self._is_delayed_public
+            self._session, self._pit, self._open_journal(effect), effect.match, puts, self._is_delayed_public
         )
 
     def _send_bundle(self, effect: SendBundle) -> None:
