@@ -177,11 +177,8 @@ class Session:
 
     def answer(self, key: str, on_query: OnQuery) -> Callable[[], None]:
         """Call `on_query` with every query of `key`; return what undeclares it."""
-
-        def received(query: zenoh.Query) -> None:
-            on_query(Query(query, key))
-
-        return self._session.declare_queryable(key, Callback(received, indirect=False)).undeclare
+        received: Any = Callback(lambda query: on_query(Query(query, key)), indirect=False)
+        return self._session.declare_queryable(key, received).undeclare
 
     def ask(self, key: str, payload: bytes, on_answer: Callable[[bytes], None], timeout_s: float) -> None:
         """Send a query, and call `on_answer` with the answer; with b"" if nobody answers in time."""
