@@ -92,7 +92,8 @@ class Referee(MatchLoop):
             core,
             session.collect(heard, MOST_WAITING),
             journals,
-            fsync=fsync,
+            beat=topics.beat(context.pit),
+            fsync=fsync and not workers,
             is_delayed_public=context.public_delay > 0,
             carry_out={
                 Reply: lambda effect: self._questions.pop(effect.question).answer(effect.payload),

@@ -41,7 +41,7 @@ def test_other_machines_write_the_same_journals_as_this_one(
     start: Start, port: int, machines: list[FarMachine], tmp_path: Path
 ) -> None:
     played = {}
-    for where, more in (("here", []), ("there", options(machines, tmp_path))):
+    for where, more in (("here", []), ("there", [*options(machines, tmp_path), "--fsync"])):
         data = tmp_path / where
         pit = start("serve", "--listen", f"tcp/127.0.0.1:{port}", "--data", data, "--seed", 7, "--matches", 4, *more)
         address = pit.wait_for("join with: ").said.partition("pit open at ")[2].split()[0]

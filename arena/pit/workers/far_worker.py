@@ -8,31 +8,26 @@ match goes on elsewhere at its very tick.
 import logging
 import os
 import time
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from ctypes import c_longlong
 from dataclasses import replace
-from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import Empty
 from tempfile import TemporaryDirectory
-from typing import Any
 
-from arena.network.session import Sample, Session
-from arena.pit.effects import Append, OpenMatch, PublishTick
+from arena.network.session import Session
+from arena.pit.effects import OpenMatch
 from arena.pit.events import UnfinishedFound
+from arena.pit.gate import Gate
 from arena.pit.workers.messages import Order, Piece, Report, Stand, TakeMatch, WorkerSettings, Written
 from arena.pit.workers.worker import NOBODY, WorkerLoop, work_for
-from arena.protocol import topics
 from arena.records.journal import journal_name, whole_part
 
 logger = logging.getLogger(__name__)
 
 _SILENT_S = 20.0
 """A pit that did not wake this worker for so long is taken for lost."""
-_FAREWELL_S = 2.0
-"""How long the last journals may take to stand."""
 
 
 def work_afar() -> None:
@@ -80,12 +75,8 @@ class FarLoop(WorkerLoop):
     """The matches of this worker, and what waits until their journals stand."""
 
     def __init__(self, session: Session, settings: WorkerSettings, pipe: _Streams) -> None:
-        self._n_written = self._n_standing = 0
-        """Pieces of journals that were sent, and those of them that stand."""
-        self._held: deque[tuple[int, Callable[[], None]]] = deque()
-        """What is to be done, in its order, once so many pieces stand."""
-        super().__init__(session, settings, pipe, c_longlong(NOBODY))
-        self._wake, self._end_waking = session.waker(topics.beat_of_worker(settings.pit, settings.number))
+        self._standing = Gate()
+        super().__init__(session, replace(settings, fsync=False), pipe, c_longlong(NOBODY), self._standing)
 
     # Threads
 
@@ -109,8 +100,8 @@ class FarLoop(WorkerLoop):
 
     def _hear(self, order: Order) -> None:
         if isinstance(order, Stand):
-            self._n_standing = order.n_pieces
-            self._wake(b"")
+            self._standing.n_standing = order.n_pieces
+            self._wake()
         else:
             super()._hear(order)
 
@@ -119,43 +110,11 @@ class FarLoop(WorkerLoop):
 
     # The loop
 
-    def close(self) -> None:
-        """Leave every match as it stands, and wait until that is known to stand."""
-        super().close()
-        end_s = time.monotonic() + _FAREWELL_S
-        while self._held and time.monotonic() < end_s:
-            self._release()
-            time.sleep(0.001)
-        self._end_waking()
-
-    def _take_action(self, sample: Sample, arrived_s: float | None) -> int:
-        self._release()
-        return super()._take_action(sample, arrived_s)
-
-    def _sweep(self, now_s: float) -> None:
-        self._release()
-        super()._sweep(now_s)
-
-    def _release(self) -> None:
-        """Do what waited for pieces that stand now."""
-        while self._held and self._held[0][0] <= self._n_standing:
-            self._held.popleft()[1]()
-
-    def _perform(self, effects: Sequence[Any]) -> None:
-        for effect in effects:
-            if isinstance(effect, OpenMatch | Append) or (self._n_written == self._n_standing and not self._held):
-                super()._perform([effect])
-            elif isinstance(effect, PublishTick):  # what it tells is to be told as it is now
-                for put, payload in self._channels[effect.match].make_tick(effect):
-                    self._held.append((self._n_written, partial(put, payload)))
-            else:
-                self._held.append((self._n_written, partial(super()._perform, [effect])))
-
     def _open_journal(self, effect: OpenMatch) -> _FarJournal:
         return _FarJournal(effect, self._write)
 
     def _write(self, piece: Piece) -> None:
-        self._n_written += 1
+        self._standing.n_written += 1
         self._reports.put(Written((piece,)))
 
     def _find_left(self, order: TakeMatch) -> UnfinishedFound | list[Report] | None:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from arena.files import keep_former
 from arena.pit.journal_files import JournalFile, OpenJournals
+from arena.pit.journal_sync import sync_journals
 from arena.pit.workers.messages import Piece, Stand, TakeMatch, Written
 from arena.records.journal import journal_name
 
@@ -33,15 +34,17 @@ class JournalCopies:
             if journal is None:
                 journal = self._journals[piece.match] = self._begin(piece)
             journal.append(piece.data)
+        if self._fsync:
+            sync_journals({self._journals[piece.match].path for piece in written.pieces})
         self._n_pieces += len(written.pieces)
         return Stand(self._n_pieces)
 
     def _begin(self, piece: Piece) -> JournalFile:
         path = self._folder / piece.journal
         if piece.n_before:
-            return JournalFile(path, piece.n_before, fsync=self._fsync, among=self._open)
+            return JournalFile(path, piece.n_before, among=self._open)
         keep_former(path)
-        journal = JournalFile(path.with_name(f".spare-{piece.match}"), 0, fsync=self._fsync, among=self._open)
+        journal = JournalFile(path.with_name(f".spare-{piece.match}"), 0, among=self._open)
         journal.rename_when_written(path)
         return journal
 

@@ -30,6 +30,7 @@ from arena.local.workers import follow_parent
 from arena.network.session import Session, open_client
 from arena.pit.effects import Effect, TellPit
 from arena.pit.events import ActionReceived, Event, MatchTaken, Ordered, TimePassed, UnfinishedFound
+from arena.pit.gate import Gate
 from arena.pit.match_loop import MOST_WAITING, MatchLoop
 from arena.pit.match_session import PitContext
 from arena.pit.workers.left_matches import find_left
@@ -121,7 +122,9 @@ def end_at_once() -> None:
 class WorkerLoop(MatchLoop):
     """The matches of this worker."""
 
-    def __init__(self, session: Session, settings: WorkerSettings, pipe: Pipe, mark: c_longlong) -> None:
+    def __init__(
+        self, session: Session, settings: WorkerSettings, pipe: Pipe, mark: c_longlong, gate: Gate | None = None
+    ) -> None:
         self._pipe, self._mark = pipe, mark
         self._identity = Identity(Ed25519PrivateKey.from_private_bytes(settings.private))
         context = PitContext(
@@ -143,7 +146,9 @@ class WorkerLoop(MatchLoop):
             self._worker,
             session.collect(topics.actions_of_worker(settings.pit, settings.number), MOST_WAITING),
             settings.journals,
+            beat=topics.beat_of_worker(settings.pit, settings.number),
             fsync=settings.fsync,
+            gate=gate,
             is_delayed_public=settings.public_delay > 0,
             carry_out={TellPit: lambda effect: self._reports.put(effect.report)},
             spare=f"worker-{settings.number}-",
