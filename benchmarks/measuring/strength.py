@@ -4,18 +4,17 @@
 printed: times turns of each fighter here, prints a line for each, and writes the figure.
 """
 
-import io
 import json
 import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from arena.console import say
 from arena.errors import InputError
-from arena.extras import needs
+from benchmarks.measuring.figure import draw_figure
 from benchmarks.measuring.turns import time_turns
 from policies.heuristics.role_team import RoleTeam
 from policies.networks.checkpoint import write_whole
@@ -61,22 +60,16 @@ def time_fighter(fighter: str) -> float:
 
 def draw(points: Sequence[tuple[float, Strength]]) -> bytes:
     """Return a chart as SVG of scores over milliseconds a turn; the same points give the same bytes."""
-    with needs("train", "this figure"):
-        from matplotlib import rc_context, style
-        from matplotlib.figure import Figure
 
-    chart = io.BytesIO()
-    with style.context("tableau-colorblind10"), rc_context({"svg.fonttype": "none", "svg.hashsalt": "strength"}):
-        figure = Figure(figsize=(7.2, 4), layout="constrained")
-        axes = figure.add_subplot(xlabel="milliseconds a turn, on one core", ylabel="mean score, 95%", xscale="log")
+    def fill(axes: Any) -> None:
         ms, strengths = zip(*sorted(points), strict=True)
         scores = [strength.score for strength in strengths]
         halves = [strength.high - strength.score for strength in strengths]
         axes.errorbar(ms, scores, yerr=halves, marker="o", capsize=3, gid="strength")
         for at, strength in zip(ms, strengths, strict=True):
             axes.annotate(strength.fighter, (at, strength.score), xytext=(5, 6), textcoords="offset points", fontsize="small")
-        figure.savefig(chart, format="svg", metadata={"Date": None})
-    return chart.getvalue()
+
+    return draw_figure("strength", "milliseconds a turn, on one core", "mean score, 95%", fill)
 
 
 def main(figure: Path, files: Sequence[Path]) -> None:

@@ -31,6 +31,8 @@ HUNG_S = 10.0
 STOP_S = 5.0
 """How long workers may take to leave their matches."""
 _START_S = 120.0
+_MOST_VERSION_BYTES = 1_000
+"""What comes first of a machine whose shell prints something is no version."""
 _FIRST_REST_S, _MOST_REST_S = 0.5, 16.0
 """Before a worker that died young twice in a row, or more often, is replaced."""
 _YOUNG_S = 10.0
@@ -178,7 +180,7 @@ class WorkerProcesses:
         try:
             if not pipe.poll(_START_S):
                 place.process.kill()
-            said = pipe.recv_bytes()
+            said = pipe.recv_bytes(_MOST_VERSION_BYTES)
             if said != describe_version():
                 place.process.kill()
                 sentence = describe_difference(number, said, place.machine)
