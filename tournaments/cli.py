@@ -27,6 +27,7 @@ from tournaments.commands.play import play
 from tournaments.commands.season import season
 from tournaments.commands.serve import serve
 from tournaments.commands.web import web
+from tournaments.commands.worker import worker
 
 replay.command("export")(export_match)  # it draws with the web page's scripts, so it stands above `arena.display`
 
@@ -56,6 +57,7 @@ COMMANDS: dict[str, Command] = {
     "train": train,
     "watch": watch,
     "web": web,
+    "worker": worker,
 }
 app = make_app(COMMANDS)
 

@@ -144,6 +144,11 @@ class Session:
         """Subscribe with a queue outside Python, where no thread fights for the interpreter; beyond `most`, the oldest go."""
         return Collector(self._session.declare_subscriber(key, RingChannel(most)))
 
+    def waker(self, key: str) -> tuple[Put, Callable[[], None]]:
+        """Return what publishes on `key` to this session alone, to wake a `Collector`, and what undeclares it."""
+        publisher = self._session.declare_publisher(key, allowed_destination=zenoh.Locality.SESSION_LOCAL)
+        return publisher.put, publisher.undeclare
+
     def heartbeat(self, key: str, period_s: float) -> Callable[[], None]:
         """Publish an empty sample to this session alone every `period_s`, to wake a `Collector`; return what stops it."""
         return self._beat([self._session.declare_publisher(key, allowed_destination=zenoh.Locality.SESSION_LOCAL)], period_s)
@@ -172,11 +177,8 @@ class Session:
 
     def answer(self, key: str, on_query: OnQuery) -> Callable[[], None]:
         """Call `on_query` with every query of `key`; return what undeclares it."""
-
-        def received(query: zenoh.Query) -> None:
-            on_query(Query(query, key))
-
-        return self._session.declare_queryable(key, Callback(received, indirect=False)).undeclare
+        received: Any = Callback(lambda query: on_query(Query(query, key)), indirect=False)
+        return self._session.declare_queryable(key, received).undeclare
 
     def ask(self, key: str, payload: bytes, on_answer: Callable[[bytes], None], timeout_s: float) -> None:
         """Send a query, and call `on_answer` with the answer; with b"" if nobody answers in time."""

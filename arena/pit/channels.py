@@ -1,9 +1,10 @@
 """What one match has open outside the core: the publishers of its lane, two public ones, and its journal."""
 
+from typing import Protocol
+
 from arena.game.types import Team
 from arena.network.session import Put, Session
 from arena.pit.effects import Append, PublishEnding, PublishTick, Send
-from arena.pit.journal_files import JournalFile
 from arena.protocol import topics
 
 
@@ -12,11 +13,21 @@ def open_lane(session: Session, pit: str, lane: int) -> list[Put]:
     return [session.publisher(topics.observation(pit, lane, team))[0] for team in Team]
 
 
+class OpenJournal(Protocol):
+    """A journal that is being written."""
+
+    def append(self, data: bytes) -> None:
+        """Append to it; `ArenaError` if it cannot be written."""
+
+    def close(self) -> None:
+        """Close it as it stands."""
+
+
 class MatchChannels:
     """Carries out the effects of one match."""
 
     def __init__(
-        self, session: Session, pit: str, journal: JournalFile, match: str, puts: list[Put], is_delayed_public: bool
+        self, session: Session, pit: str, journal: OpenJournal, match: str, puts: list[Put], is_delayed_public: bool
     ) -> None:
         self._journal, self._puts = journal, puts
         self._public = session.broadcast(topics.public(pit, match))
@@ -34,12 +45,19 @@ class MatchChannels:
 
     def publish_tick(self, effect: PublishTick) -> None:
         """Publish what somebody subscribed to."""
+        for put, payload in self.make_tick(effect):
+            put(payload)
+
+    def make_tick(self, effect: PublishTick) -> list[tuple[Put, bytes]]:
+        """Return what somebody subscribed to, to be published."""
+        made = []
         if self._public.has_subscribers:
-            self._public.put(effect.make_public())
+            made.append((self._public.put, effect.make_public()))
         if effect.make_truth is not None and self._truth.has_subscribers:
-            self._truth.put(effect.make_truth())
+            made.append((self._truth.put, effect.make_truth()))
         if effect.make_past_truth is not None and self._past_truth is not None and self._past_truth.has_subscribers:
-            self._past_truth.put(effect.make_past_truth())
+            made.append((self._past_truth.put, effect.make_past_truth()))
+        return made
 
     def publish_ending(self, effect: PublishEnding) -> None:
         """Publish how the match ended."""

@@ -75,7 +75,7 @@ class PitCore:
         time_control: TimeControl,
         register: Register,
         *,
-        n_workers: int = 1,
+        n_workers: int = 0,
         most_matches: int | None = None,
     ) -> None:
         if context.public_delay and not seating.plays_maps_once:
@@ -83,7 +83,7 @@ class PitCore:
         self._context, self._ruleset, self._seating, self._register = context, ruleset, seating, register
         self._authenticator = Authenticator(context.pit, context.identity)
         self._requests: RationedQueue[JoinAsked] = RationedQueue(share=_SHARE)
-        make_sessions = partial(MatchSessions, context, time_control) if n_workers == 1 else partial(self._hire, n_workers)
+        make_sessions = partial(self._hire, n_workers) if n_workers else partial(MatchSessions, context, time_control)
         self._remote: RemoteSessions | None = None
         """Where matches are refereed by workers."""
         self._matches = Matches(context, ruleset, seating, register, make_sessions)

@@ -137,6 +137,8 @@ class WorkerLost:
     worker: int
     lane: int | None = None
     """Of the match that it was at, if it was at one."""
+    is_cut_off: bool = False
+    """Whether no match can have brought it down, since its machine is what was lost."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,15 +79,20 @@ class OpenJournals:
 class JournalFile:
     """A journal that is being written. Whatever cannot be written raises `ArenaError`."""
 
-    def __init__(self, path: Path, n_bytes: int, *, fsync: bool, among: OpenJournals | None = None) -> None:
-        self._path, self._name, self._fsync = path, path, fsync
+    def __init__(self, path: Path, n_bytes: int, *, among: OpenJournals | None = None) -> None:
+        self._path, self._name = path, path
         self._open = OpenJournals() if among is None else among
         self._is_to_be_named = False
         try:
             self._number = self._open.add(path, os.O_CREAT)
             os.ftruncate(self._open.find(self._number, path), n_bytes)
         except OSError as error:
-            raise _failure(error) from error
+            raise failure_of(error) from error
+
+    @property
+    def path(self) -> Path:
+        """Where it is by now."""
+        return self._path
 
     def rename_when_written(self, name: Path) -> None:
         """Take another name with the first bytes that are appended; without any, `close` removes the file."""
@@ -98,13 +103,11 @@ class JournalFile:
         try:
             descriptor = self._open.find(self._number, self._path)
             n_written = os.write(descriptor, data)
-            if self._fsync:
-                os.fdatasync(descriptor)
             if self._is_to_be_named and n_written == len(data):
                 keep_former(self._name)
                 self._path, self._is_to_be_named = self._path.rename(self._name), False
         except OSError as error:
-            raise _failure(error) from error
+            raise failure_of(error) from error
         if n_written != len(data):
             raise ArenaError("cannot write a journal: the disk is full")
 
@@ -116,7 +119,8 @@ class JournalFile:
             self._path.unlink(missing_ok=True)
 
 
-def _failure(error: OSError) -> ArenaError:
+def failure_of(error: OSError) -> ArenaError:
+    """Return what ends a pit whose journals cannot be written."""
     return ArenaError(f"cannot write a journal: {error.strerror}")
 
 
@@ -129,9 +133,9 @@ class SpareJournals:
         Sets those of one process apart from those of others that write into the same folder; none is the beginning of another.
     """
 
-    def __init__(self, folder: Path, *, fsync: bool, name: str = "", among: OpenJournals | None = None) -> None:
+    def __init__(self, folder: Path, *, name: str = "", among: OpenJournals | None = None) -> None:
         self._open = OpenJournals() if among is None else among
-        self._folder, self._fsync, self._prefix = folder, fsync, f"{_SPARE}{name}"
+        self._folder, self._prefix = folder, f"{_SPARE}{name}"
         self._spare: list[JournalFile] = []
         self._numbers = count()
         self._has_failed = False
@@ -146,7 +150,7 @@ class SpareJournals:
         while len(self._spare) < MOST_SPARE:
             path = self._folder / f"{self._prefix}{next(self._numbers)}"
             try:
-                spare = JournalFile(path, 0, fsync=self._fsync, among=self._open)
+                spare = JournalFile(path, 0, among=self._open)
             except ArenaError as error:
                 if not self._has_failed:
                     logger.warning("no match begins for now: %s", error)

@@ -4,7 +4,8 @@ Zenoh's callbacks put into bounded queues and do nothing else.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Protocol
@@ -12,15 +13,19 @@ from typing import Any, Protocol
 from arena.errors import UnreadableError
 from arena.folders import data_folder
 from arena.network.session import Collector, Put, Sample, Session, read_key, read_payload
-from arena.pit.channels import MatchChannels, open_lane
+from arena.pit.channels import MatchChannels, OpenJournal, open_lane
 from arena.pit.effects import Append, CloseMatch, Effect, OpenMatch, PublishEnding, PublishTick, Send, SendBundle
 from arena.pit.events import ActionReceived, ActionsTaken, BundleReceived, Event, Stopped
+from arena.pit.gate import Gate
 from arena.pit.journal_files import JournalFile, OpenJournals, SpareJournals
+from arena.pit.journal_sync import JournalSync, SyncedJournal
 from arena.protocol import topics
 
 MOST_WAITING = 10_000
 """Messages in a queue; what comes beyond is dropped, and asked for again."""
 SWEEP_S = 0.01
+_SETTLE_S, _SETTLE_LOOK_S = 5.0, 0.001
+"""How long the last records may take to stand, and how often that is looked at."""
 _MOST_JUNK = 256  # messages beyond two of each match that are handed in before something else is done
 _MOST_AT_ONCE = 32
 """Actions that are handed in before what was gathered for clients is sent."""
@@ -56,6 +61,12 @@ class MatchLoop:
     ----------
     actions
         What seats say, and a beat that comes every `SWEEP_S` at least.
+    beat
+        The key of that beat.
+    fsync
+        Whether what follows from a record waits until the disk has it.
+    gate
+        Holds back what follows from records that stand elsewhere, if they do.
     carry_out
         What else the core may want done than is done here.
     spare
@@ -70,7 +81,9 @@ class MatchLoop:
         actions: Collector,
         journals: Path,
         *,
+        beat: str,
         fsync: bool,
+        gate: Gate | None = None,
         is_delayed_public: bool,
         carry_out: dict[type[Effect], Callable[[Any], None]],
         spare: str = "",
@@ -94,7 +107,14 @@ class MatchLoop:
         }
         data_folder(journals)
         self._open_journals = OpenJournals()
-        self._spare_journals = SpareJournals(journals, fsync=fsync, name=spare, among=self._open_journals)
+        self._spare_journals = SpareJournals(journals, name=spare, among=self._open_journals)
+        self._gate = Gate() if fsync else gate
+        self._sync: JournalSync | None = None
+        if self._gate is not None:
+            wake, self._end_waking = session.waker(beat)
+            self._wake = partial(wake, b"")
+        if fsync and self._gate is not None:
+            self._sync = JournalSync(self._gate, self._wake)
 
     @property
     def n_running(self) -> int:
@@ -117,6 +137,7 @@ class MatchLoop:
             now_s = self._read_clock()
             if now_s >= next_sweep_s:
                 self._take_actions()
+                self._release()
                 self._left_at_s = self._read_clock()
                 for _ in range(self._inbox.qsize()):
                     self._hand_in(self._inbox.get()())
@@ -130,6 +151,25 @@ class MatchLoop:
         self._spare_journals.close()
         if not self._has_failed:  # else the core takes for done what was not
             self._hand_in(Stopped())
+            self._settle()
+        if self._sync is not None:
+            self._sync.close()
+
+    def _settle(self) -> None:
+        """Wait until all that was written stands, and what follows from it is done."""
+        end_s = time.monotonic() + _SETTLE_S
+        while self._gate is not None and not self._gate.is_open and time.monotonic() < end_s:
+            self._release()
+            time.sleep(_SETTLE_LOOK_S)
+        if self._gate is not None:
+            self._end_waking()
+
+    def _release(self) -> None:
+        """Do what waited for records that stand now."""
+        if self._sync is not None:
+            self._sync.check()
+        if self._gate is not None:
+            self._gate.release()
 
     def _sweep(self, now_s: float) -> None:
         """Do what is done every hundredth of a second."""
@@ -145,22 +185,42 @@ class MatchLoop:
 
     def _hand_in(self, event: Event) -> list[Effect]:
         """Hand an event to the core and carry out what it wants done."""
-        effects: list[Any] = self._core.receive(event, self._read_clock())
+        effects = self._core.receive(event, self._read_clock())
         try:
-            effect: Any  # of one of two kinds, told by its type, which a dictionary knows and a type checker does not
-            for effect in effects:
-                in_match = _IN_MATCH.get(type(effect))
-                if in_match is not None:
-                    in_match(self._channels[effect.match], effect)
-                else:
-                    self._carry_out[type(effect)](effect)
+            self._perform(effects)
         except BaseException:
             self._has_failed = True
             raise
         return effects
 
+    def _perform(self, effects: Sequence[Any]) -> None:
+        """Carry effects out in their order; what follows from a record, once that stands."""
+        gate = self._gate
+        if gate is None:
+            self._do(effects)
+            return
+        for effect in effects:
+            if isinstance(effect, OpenMatch | Append) or gate.is_open:
+                self._do([effect])
+            elif isinstance(effect, PublishTick):  # what it tells is to be told as it is now
+                for put, payload in self._channels[effect.match].make_tick(effect):
+                    gate.hold(partial(put, payload))
+            else:
+                gate.hold(partial(self._do, [effect]))
+
+    def _do(self, effects: Sequence[Any]) -> None:
+        effect: Any  # of one of two kinds, told by its type, which a dictionary knows and a type checker does not
+        for effect in effects:
+            in_match = _IN_MATCH.get(type(effect))
+            if in_match is not None:
+                in_match(self._channels[effect.match], effect)
+            else:
+                self._carry_out[type(effect)](effect)
+
     def _take_action(self, sample: Sample, arrived_s: float | None) -> int:
         """Hand in an action, or several in a bundle; return about how many."""
+        if self._gate is not None:
+            self._release()
         try:
             lane, team = topics.read_action(read_key(sample))
         except UnreadableError:
@@ -196,16 +256,19 @@ class MatchLoop:
 
     # Effects
 
-    def _open_match(self, effect: OpenMatch) -> None:
+    def _open_journal(self, effect: OpenMatch) -> OpenJournal:
         if effect.n_bytes:
-            journal = JournalFile(self._journals / effect.journal, effect.n_bytes, fsync=self._fsync, among=self._open_journals)
+            journal = JournalFile(self._journals / effect.journal, effect.n_bytes, among=self._open_journals)
         else:
             journal = self._spare_journals.take(effect.journal)
+        return journal if self._sync is None else SyncedJournal(journal, self._sync)
+
+    def _open_match(self, effect: OpenMatch) -> None:
         puts = self._lanes.get(effect.lane)
         if puts is None:
             puts = self._lanes[effect.lane] = open_lane(self._session, self._pit, effect.lane)
         self._channels[effect.match] = MatchChannels(
-            self._session, self._pit, journal, effect.match, puts, self._is_delayed_public
+            self._session, self._pit, self._open_journal(effect), effect.match, puts, self._is_delayed_public
         )
 
     def _send_bundle(self, effect: SendBundle) -> None:

@@ -27,6 +27,7 @@ from arena.pit.monitor import PitMonitor
 from arena.pit.referee import Referee
 from arena.pit.register import Register
 from arena.pit.seating import OpenSeating, Seating
+from arena.pit.workers.machines import Machine
 from arena.protocol.identity import Identity
 from arena.records.journal import identity_of
 from arena.records.plan import MatchPlan, PitMatchId
@@ -58,8 +59,8 @@ class PitSettings:
     certificate: Certificate | None = None
     most_matches: int | None = None
     """At once; see `arena.pit.admission`."""
-    n_workers: int = 1
-    """Processes that referee the matches: this one alone, or so many others."""
+    workers: tuple[Machine, ...] = ()
+    """Where each process runs that referees matches; this one alone does without any."""
     ladder: Ladder | None = None
     """None seats whoever comes, and rates nobody."""
     monitor: PitMonitor | None = None
@@ -94,7 +95,7 @@ class Pit:
         warm(settings.ruleset)  # before anybody can ask: a client that gets no answer goes away
         with (
             _alone_in(settings.journals),
-            _workers_endpoint(settings.n_workers) as workers_endpoint,
+            _workers_endpoint(bool(settings.workers)) as workers_endpoint,
             open_router(
                 settings.address.endpoint, settings.address.pit, settings.certificate, workers_endpoint=workers_endpoint
             ) as session,
@@ -119,7 +120,7 @@ class Pit:
                 register=settings.register,
                 fsync=settings.fsync,
                 most_matches=settings.most_matches,
-                n_workers=settings.n_workers,
+                workers=settings.workers,
                 workers_endpoint=workers_endpoint,
                 on_end=lambda ended: self._report(ended, on_end),
             )
@@ -192,13 +193,13 @@ def _next_number(journals: Path, pit: str, counted: Collection[str], *, is_rated
 
 
 @contextmanager
-def _workers_endpoint(n_workers: int) -> Iterator[str]:
+def _workers_endpoint(has_workers: bool) -> Iterator[str]:
     """Yield where workers connect to the router, in a folder that nobody else can enter; nothing where there are none."""
-    if n_workers == 1:
-        yield ""
-    else:
+    if has_workers:
         with TemporaryDirectory(prefix="arena-", ignore_cleanup_errors=True) as folder:
             yield f"{WORKERS_PROTOCOL}/{folder}/workers"
+    else:
+        yield ""
 
 
 @contextmanager

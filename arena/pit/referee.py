@@ -1,7 +1,7 @@
 """A pit on the network: what its core is told of, beside the matches, and what of its effects is carried out here."""
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import count
@@ -40,6 +40,7 @@ from arena.pit.match_session import PitContext
 from arena.pit.matches import RunningMatch
 from arena.pit.register import Register
 from arena.pit.seating import Seating
+from arena.pit.workers.machines import Machine
 from arena.pit.workers.messages import Order, WorkerSettings
 from arena.pit.workers.processes import STOP_S, WorkerProcesses
 from arena.pit.workers.remote_sessions import Worker
@@ -55,8 +56,8 @@ class Referee(MatchLoop):
     ----------
     most_matches
         At once; as many as `arena.pit.admission` has it without it.
-    n_workers
-        How many other processes referee the matches, if more than one; then this one only admits those who play.
+    workers
+        Where each other process runs that referees matches, if any do; then this one only admits those who play.
     workers_endpoint
         Where these connect to the router of `session`.
     """
@@ -73,7 +74,7 @@ class Referee(MatchLoop):
         register: Register | None = None,
         fsync: bool = False,
         most_matches: int | None = None,
-        n_workers: int = 1,
+        workers: Sequence[Machine] = (),
         workers_endpoint: str = "",
         on_end: Callable[[MatchEnded], None],
     ) -> None:
@@ -82,16 +83,17 @@ class Referee(MatchLoop):
         self._question_ids = count()
         self.n_dropped = 0
         core = self._pit_core = PitCore(
-            context, ruleset, seating, time_control, self._register, n_workers=n_workers, most_matches=most_matches
+            context, ruleset, seating, time_control, self._register, n_workers=len(workers), most_matches=most_matches
         )
-        heard = topics.all_actions(context.pit) if n_workers == 1 else topics.beat(context.pit)
+        heard = topics.beat(context.pit) if workers else topics.all_actions(context.pit)
         super().__init__(
             session,
             context.pit,
             core,
             session.collect(heard, MOST_WAITING),
             journals,
-            fsync=fsync,
+            beat=topics.beat(context.pit),
+            fsync=fsync and not workers,
             is_delayed_public=context.public_delay > 0,
             carry_out={
                 Reply: lambda effect: self._questions.pop(effect.question).answer(effect.payload),
@@ -103,7 +105,7 @@ class Referee(MatchLoop):
             },
         )
         self._workers: WorkerProcesses | None = None
-        if n_workers == 1:
+        if not workers:
             self._refill_journals()
         pit = context.pit
         session.watch_presence(
@@ -117,7 +119,7 @@ class Referee(MatchLoop):
             topics.all_journals(pit),
             self._enqueue_question(lambda id, asked: JournalAsked(id, topics.read_journal(asked.key), asked.payload)),
         )
-        if n_workers > 1:
+        if workers:
             settings = WorkerSettings(
                 number=0,
                 endpoint=workers_endpoint,
@@ -130,7 +132,7 @@ class Referee(MatchLoop):
                 journals=journals,
                 fsync=fsync,
             )
-            self._hire([replace(settings, number=worker.number) for worker in core.workers])
+            self._hire([replace(settings, number=worker.number) for worker in core.workers], workers)
 
     @property
     def queues(self) -> dict[str, int]:
@@ -200,9 +202,9 @@ class Referee(MatchLoop):
 
     # Workers
 
-    def _hire(self, settings: list[WorkerSettings]) -> None:
+    def _hire(self, settings: list[WorkerSettings], machines: Sequence[Machine]) -> None:
         """Start workers, and wait until they take matches."""
-        self._workers = WorkerProcesses(settings, self._inbox.put)
+        self._workers = WorkerProcesses(settings, self._inbox.put, machines=machines)
         self._end_beats.append(self._session.beat((topics.beat_of_worker(self._pit, one.number) for one in settings), SWEEP_S))
         try:
             self._workers.start()

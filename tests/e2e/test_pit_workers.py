@@ -38,11 +38,10 @@ def is_there(pid: int) -> bool:
 
 def test_the_same_seeds_give_the_same_journals_with_one_worker_and_with_two(start: Start, port: int, tmp_path: Path) -> None:
     played = {}
-    for n_workers in (1, 2):
+    for n_workers, more in ((1, ("--fsync",)), (2, ())):
         data = tmp_path / str(n_workers)
-        pit = start(
-            "serve", "--listen", f"tcp/127.0.0.1:{port}", "--data", data, "--seed", 7, "--matches", 4, "--workers", n_workers
-        )
+        options = ("--listen", f"tcp/127.0.0.1:{port}", "--data", data, "--seed", 7, "--matches", 4, "--workers", n_workers)
+        pit = start("serve", *options, *more)
         address = pit.wait_for("join with: ").said.partition("pit open at ")[2].split()[0]
         clients = [
             start("join", address, "--team", team, "--policy", policy, "--slots", 2, "--forever")

@@ -32,8 +32,23 @@ def serve(
         int | None, typer.Option(min=1, max=10_000, metavar="N", help="Matches at once; beyond, clients wait. 2000 without it.")
     ] = None,
     workers: Annotated[
-        int, typer.Option(min=1, max=64, metavar="N", help="Processes that referee the matches; more than one use more cores.")
+        int,
+        typer.Option(
+            min=0,
+            max=64,
+            metavar="N",
+            help="Processes that referee the matches; more than one use more cores. 0 leaves all to --machine.",
+        ),
     ] = 1,
+    machine: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="HOST=N",
+            help="Have N more processes referee on another machine, as ssh reaches it, which then holds the pit's key; may be "
+            "given again.",
+        ),
+    ] = None,
+    machine_program: Annotated[str, typer.Option(metavar="PATH", help="What is the arena on other machines.")] = "arena",
     ladder: Annotated[
         bool, typer.Option("--ladder", help="Match whoever comes by rating and waiting time, and rate them.")
     ] = False,
@@ -95,7 +110,8 @@ def serve(
     from arena.pit.monitor import PitMonitor
     from arena.pit.pit import Pit, PitSettings
     from arena.pit.register import Register, read_invites
-    from arena.protocol.topics import check_chunk
+    from arena.pit.workers.machines import HERE, parse_machine
+    from arena.protocol.topics import MOST_WORKERS, check_chunk
     from tournaments.ladder.ladder import RatedLadder
     from tournaments.ladder.methods import DEFAULT, find_ladder
     from tournaments.web_page import PagePlace, check, web_page
@@ -123,6 +139,12 @@ def serve(
             "the flag and the obstacles are, and where units were",
             err=True,
         )
+    afar = [one for text in machine or () for one in parse_machine(text, machine_program)]
+    here = [HERE] * workers if workers > 1 or afar else []
+    if not workers and not afar:
+        raise InputError("--workers 0 leaves all matches to other machines; give --machine as well")
+    if len(here) + len(afar) > MOST_WORKERS:
+        raise InputError(f"{len(here) + len(afar)} workers are too many for one pit; {MOST_WORKERS} are the most")
     n_cores = len(os.sched_getaffinity(0))
     if workers > n_cores:
         say(f"arena: warning: {workers} workers share {n_cores} cores; more than --workers {n_cores} is of no use here", err=True)
@@ -148,7 +170,7 @@ def serve(
         n_matches=matches,
         fsync=fsync,
         most_matches=most_matches,
-        n_workers=workers,
+        workers=(*here, *afar),
     )
 
     compile_kernels(game_kernels(chosen.ruleset))

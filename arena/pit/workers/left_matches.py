@@ -9,6 +9,7 @@ from arena.game.types import Team, Termination
 from arena.match.seat_record import SeatRecord
 from arena.pit.events import UnfinishedFound
 from arena.pit.journal_files import JournalFile
+from arena.pit.journal_sync import sync_journals
 from arena.pit.workers.messages import Gone, Over, Report, Shut, TakeMatch
 from arena.policy import MatchResult
 from arena.protocol.identity import Identity
@@ -84,12 +85,14 @@ def _give_up(order: TakeMatch, journal: Journal, path: Path, n_bytes: int, ident
 
 
 def _write(path: Path, n_bytes: int, data: bytes, *, fsync: bool) -> None:
-    file = JournalFile(path, n_bytes, fsync=fsync)
+    file = JournalFile(path, n_bytes)
     try:
         if data:
             file.append(data)
     finally:
         file.close()
+    if data and fsync:
+        sync_journals([path])
 
 
 def _report(order: TakeMatch, journal: Journal, result: MatchResult, identity: Identity) -> list[Report]:

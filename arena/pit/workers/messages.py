@@ -1,8 +1,13 @@
-"""What a pit and its workers say to each other over their pipes. Workers are the pit's own processes, of the same version."""
+"""What a pit and its workers say to each other over their pipes. Workers are the pit's own processes, of the same version.
+
+A worker on another machine cannot write into the pit's folder: it sends what belongs into a journal, and nothing that follows
+from it leaves that worker before the pit says that it stands.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
@@ -48,6 +53,8 @@ class TakeMatch:
     """Whether an earlier process may have begun it: then its journal says where it stands."""
     given_up: str = ""
     """Why it is to be void at once, without being played again: it has brought down too many workers."""
+    left: bytes | None = None
+    """Its journal as the pit has it, for a worker on another machine; None if there is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +96,15 @@ class StopWork:
     """Sign what is over, leave all else as it stands, and end."""
 
 
-Order = TakeMatch | GiveSeat | LeaveSeat | ForfeitSeat | VoidMatch | StopWork
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """What a worker on another machine sent for its journals stands there."""
+
+    n_pieces: int
+    """From the first on."""
+
+
+Order = TakeMatch | GiveSeat | LeaveSeat | ForfeitSeat | VoidMatch | StopWork | Stand
 
 # What a worker says
 
@@ -171,4 +186,22 @@ class Failed:
     reason: str
 
 
-Report = Room | SeatGiven | Over | Shut | Gone | Progress | Failed
+class Piece(NamedTuple):
+    """What is to be appended to a journal."""
+
+    match: str
+    journal: str
+    """Name of its file."""
+    n_before: int
+    """Bytes that stand before it; after none, a new journal begins."""
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What a worker on another machine appended to journals, in this order."""
+
+    pieces: tuple[Piece, ...]
+
+
+Report = Written | Room | SeatGiven | Over | Shut | Gone | Progress | Failed

@@ -1,19 +1,25 @@
-"""The processes of a pit's workers: started, told, listened to, and replaced when they end."""
+"""The processes of a pit's workers: started, told, listened to, and replaced when they end.
+
+One whose machine is lost is replaced on another, if there is one that answers; its matches go with it.
+"""
 
 import json
 import logging
 import multiprocessing
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from ctypes import c_longlong
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any
 
 from arena.errors import ArenaError
 from arena.pit.events import Event, WorkerLost, WorkerReady, WorkerSaid
-from arena.pit.workers.messages import Failed, Order, StopWork, WorkerSettings
+from arena.pit.workers.journal_copies import JournalCopies, read_left
+from arena.pit.workers.machines import HERE, FarProcess, Machine
+from arena.pit.workers.messages import Failed, Order, Shut, StopWork, TakeMatch, WorkerSettings, Written
 from arena.pit.workers.worker import NOBODY, describe_version, work
 
 logger = logging.getLogger(__name__)
@@ -28,14 +34,18 @@ _START_S = 120.0
 _FIRST_REST_S, _MOST_REST_S = 0.5, 16.0
 """Before a worker that died young twice in a row, or more often, is replaced."""
 _YOUNG_S = 10.0
+_SHUNNED_S = 30.0
+"""How long a machine is left alone that was lost, while there are others."""
 
 
 class _Place:
     """A place for one worker after another."""
 
-    def __init__(self, settings: WorkerSettings) -> None:
-        self.settings = settings
+    def __init__(self, settings: WorkerSettings, home: Machine) -> None:
+        self.settings, self.home, self.machine = settings, home, home
         self.process: Any = None
+        self.copies: JournalCopies | None = None
+        """Of the journals that it writes, if it is on another machine."""
         self.mark: c_longlong
         self.orders: SimpleQueue[Order | None] = SimpleQueue()
         self.is_ready, self.is_gone = False, True
@@ -54,7 +64,9 @@ class WorkerProcesses:
         Takes what makes an event, for the thread of the pit; called from others. It raises `ArenaError` there if the pit cannot
         go on.
     target
-        What a worker does.
+        What a worker of this machine does.
+    machines
+        Where each of them is to run; all of them here without it.
     """
 
     def __init__(
@@ -62,11 +74,15 @@ class WorkerProcesses:
         settings: list[WorkerSettings],
         hand_over: Callable[[Callable[[], Event]], None],
         target: Callable[[Connection, c_longlong], None] = work,
+        machines: Sequence[Machine] = (),
     ) -> None:
         self._hand_over, self._target = hand_over, target
         self._context = multiprocessing.get_context("spawn")
-        self._places = {one.number: _Place(one) for one in settings}
-        self._is_stopping = False
+        homes = machines or [HERE] * len(settings)
+        self._places = {one.number: _Place(one, home) for one, home in zip(settings, homes, strict=True)}
+        self._lost_at_s = dict.fromkeys(homes, -_SHUNNED_S)
+        """When each machine was lost last."""
+        self._has_opened, self._is_stopping = False, False
         self._looked_at_s = time.monotonic()
 
     def start(self) -> None:
@@ -76,7 +92,10 @@ class WorkerProcesses:
 
     def tell(self, worker: int, order: Order) -> None:
         """Tell a worker something; nobody waits for it to listen."""
-        self._places[worker].orders.put(order)
+        place = self._places[worker]
+        if isinstance(order, TakeMatch) and order.is_resumed and place.copies is not None:
+            order = replace(order, left=read_left(order, place.settings.journals))
+        place.orders.put(order)
         self._is_stopping |= isinstance(order, StopWork)
 
     def look(self) -> None:
@@ -93,8 +112,8 @@ class WorkerProcesses:
             if slept_s > 1.0:
                 place.heard_at_s = now_s  # this process was stopped itself
             if place.is_gone and not self._is_stopping:
-                if place.n_stillborn > MOST_STILLBORN:
-                    raise ArenaError(f"worker {number} died {place.n_stillborn} times in a row before it took a match")
+                if place.n_stillborn > MOST_STILLBORN and not (self._has_opened and place.home.host):
+                    raise ArenaError(describe_stillborn(place.machine, number, place.n_stillborn))
                 if now_s >= place.start_at_s:
                     self._start(place)
             elif place.is_ready and now_s - place.heard_at_s > HUNG_S:
@@ -116,20 +135,44 @@ class WorkerProcesses:
                 place.process.join()
 
     def _start(self, place: _Place) -> None:
-        pipe, theirs = self._context.Pipe()
+        number = place.settings.number
         place.mark = self._context.RawValue(c_longlong, NOBODY)
         place.orders = SimpleQueue()
         place.is_gone = place.is_ready = False
         place.started_at_s = time.monotonic()
-        place.process = self._context.Process(
-            target=self._target, args=(theirs, place.mark), name=f"worker {place.settings.number}", daemon=True
-        )
-        place.process.start()
-        theirs.close()
-        name = f"listener of worker {place.settings.number}"
-        threading.Thread(target=self._listen, args=(place, pipe), name=name, daemon=True).start()
+        place.machine = self._choose_machine(place)
+        settings = place.settings
+        if place.machine.host:
+            place.process = afar = FarProcess(place.machine, settings.endpoint)
+            place.copies = JournalCopies(settings.journals, fsync=settings.fsync)
+            pipe, settings = afar.pipe, replace(settings, endpoint=afar.endpoint)
+        else:
+            place.copies = None
+            pipe, theirs = self._context.Pipe()
+            place.process = self._context.Process(
+                target=self._target, args=(theirs, place.mark), name=f"worker {number}", daemon=True
+            )
+            place.process.start()
+            theirs.close()
+        name = f"listener of worker {number}"
+        threading.Thread(target=self._listen, args=(place, pipe, settings), name=name, daemon=True).start()
 
-    def _listen(self, place: _Place, pipe: Connection) -> None:
+    def _choose_machine(self, place: _Place) -> Machine:
+        """Return where the next worker of a place runs: at home, unless that was lost and another machine was not."""
+        now_s = time.monotonic()
+        answering = [machine for machine, lost_at_s in self._lost_at_s.items() if now_s - lost_at_s >= _SHUNNED_S]
+        if place.home in answering:
+            return place.home
+        if answering:
+            chosen = min(answering, key=[one.machine for one in self._places.values() if not one.is_gone].count)
+        else:
+            chosen = min(self._lost_at_s, key=lambda machine: self._lost_at_s[machine])
+            if chosen == place.home:
+                return chosen
+        logger.warning("worker %d goes on: it is started on %s for %s", place.settings.number, chosen, place.home)
+        return chosen
+
+    def _listen(self, place: _Place, pipe: Connection, settings: WorkerSettings) -> None:
         """Hand over all that a worker says, and that it has ended."""
         number, orders = place.settings.number, place.orders
         try:
@@ -138,10 +181,10 @@ class WorkerProcesses:
             said = pipe.recv_bytes()
             if said != describe_version():
                 place.process.kill()
-                sentence = describe_difference(number, said)
+                sentence = describe_difference(number, said, place.machine)
                 self._hand_over(lambda: _fail(sentence))
             else:
-                pipe.send(place.settings)
+                pipe.send(settings)
                 threading.Thread(target=_tell, args=(orders, pipe), name=f"teller of worker {number}", daemon=True).start()
                 while True:
                     self._note(place, pipe.recv())
@@ -149,29 +192,48 @@ class WorkerProcesses:
             pass
         finally:
             orders.put(None)
+            is_cut_off = isinstance(place.process, FarProcess) and place.process.is_cut_off
             place.process.kill()  # it may be within its last words
             place.process.join()
-            self._note_end(place)
+            if place.copies is not None:
+                place.copies.close()
+            self._note_end(place, is_cut_off=is_cut_off)
 
     def _note(self, place: _Place, report: Any) -> None:
         number, place.heard_at_s = place.settings.number, time.monotonic()
         if not place.is_ready:
             place.is_ready, place.n_stillborn = True, 0
+            self._has_opened = self._has_opened or all(one.is_ready for one in self._places.values())
             self._hand_over(lambda: WorkerReady(number))
         if isinstance(report, Failed):
             self._hand_over(lambda: _fail(report.reason))
+        elif isinstance(report, Written):
+            self._write(place, report)
         else:
+            if isinstance(report, Shut) and place.copies is not None:
+                place.copies.shut(report.match)
             self._hand_over(lambda: WorkerSaid(number, report))
 
-    def _note_end(self, place: _Place) -> None:
+    def _write(self, place: _Place, written: Written) -> None:
+        assert place.copies is not None
+        try:
+            place.orders.put(place.copies.write(written))
+        except ArenaError as error:
+            reason = str(error)
+            self._hand_over(lambda: _fail(reason))
+
+    def _note_end(self, place: _Place, *, is_cut_off: bool) -> None:
         now_s, was_ready = time.monotonic(), place.is_ready
+        if is_cut_off and not self._is_stopping:
+            logger.warning("%s is not reached", place.machine)
+            self._lost_at_s[place.machine] = now_s
         place.n_young_deaths = place.n_young_deaths + 1 if now_s - place.started_at_s < _YOUNG_S else 0
         place.n_stillborn += not was_ready
         rest_s = min(_FIRST_REST_S * 2 ** (place.n_young_deaths - 2), _MOST_REST_S) if place.n_young_deaths > 1 else 0.0
         place.start_at_s = now_s + rest_s
         lane = None if place.mark.value == NOBODY else int(place.mark.value)
         if was_ready and not self._is_stopping:
-            self._hand_over(lambda: WorkerLost(place.settings.number, lane))
+            self._hand_over(lambda: WorkerLost(place.settings.number, lane, is_cut_off=is_cut_off))
         place.is_ready, place.is_gone = False, True
 
 
@@ -187,7 +249,15 @@ def _fail(reason: str) -> Event:
     raise ArenaError(reason)
 
 
-def describe_difference(number: int, said: bytes) -> str:
+def describe_stillborn(machine: Machine, number: int, n_deaths: int) -> str:
+    """Return a sentence on a worker that never comes as far as taking matches."""
+    if machine.host:
+        command = f"ssh {machine.host} {machine.program} --version"
+        return f"{machine} runs no worker, {n_deaths} times in a row; `{command}` must answer, and ask for no password"
+    return f"worker {number} died {n_deaths} times in a row before it took a match"
+
+
+def describe_difference(number: int, said: bytes, machine: Machine = HERE) -> str:
     """Return a sentence on a worker that is not of this version.
 
     Parameters
@@ -202,4 +272,6 @@ def describe_difference(number: int, said: bytes) -> str:
         theirs = {}
     differing = ", ".join(f"{name} {theirs[name]} for {ours[name]}" for name in theirs if theirs[name] != ours[name])
     what = f": {differing}" if differing else ""
+    if machine.host:
+        return f"{machine} has an arena of another version{what}; install there what is here, and start arena serve again"
     return f"worker {number} is a worker of another version{what}; the arena was installed anew: start arena serve again"

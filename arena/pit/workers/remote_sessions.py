@@ -220,7 +220,7 @@ class RemoteSessions:
             case WorkerReady():
                 return self._on_ready(worker, now_s)
             case WorkerLost():
-                return self._on_lost(worker, event.lane, now_s)
+                return self._on_lost(worker, event, now_s)
             case WorkerSaid():
                 return self._on_report(worker, event, now_s)
 
@@ -237,12 +237,12 @@ class RemoteSessions:
         worker.asked.update(order.question for order, _ in held)
         return effects + [TellWorker(worker.number, order) for order, _ in held]
 
-    def _on_lost(self, worker: Worker, lane: int | None, now_s: float) -> list[Effect]:
+    def _on_lost(self, worker: Worker, event: WorkerLost, now_s: float) -> list[Effect]:
         worker.is_ready, worker.load = False, Load()
         worker.n_restarts += 1
         its = [one for one in self._running.values() if one.worker == worker.number]
-        blamed = [one for one in its if one.new.lane == lane] or its
-        for one in blamed:
+        blamed = [one for one in its if one.new.lane == event.lane] or its
+        for one in [] if event.is_cut_off else blamed:
             one.n_deaths = 1 if now_s - one.taken_at_s > YOUNG_S else one.n_deaths + 1
         logger.warning("worker %d has ended; %d matches wait for another in its place", worker.number, len(its))
         effects: list[Effect] = [Drop(question) for question in worker.asked]

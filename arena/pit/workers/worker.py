@@ -12,11 +12,13 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Callable
 from ctypes import c_longlong
 from importlib.metadata import version
 from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any, Protocol
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
@@ -28,6 +30,7 @@ from arena.local.workers import follow_parent
 from arena.network.session import Session, open_client
 from arena.pit.effects import Effect, TellPit
 from arena.pit.events import ActionReceived, Event, MatchTaken, Ordered, TimePassed, UnfinishedFound
+from arena.pit.gate import Gate
 from arena.pit.match_loop import MOST_WAITING, MatchLoop
 from arena.pit.match_session import PitContext
 from arena.pit.workers.left_matches import find_left
@@ -49,6 +52,22 @@ _MOST_GAP_S = 0.25
 _PR_SET_PDEATHSIG = 1
 
 
+class Pipe(Protocol):
+    """What a worker and its pit talk by, as `multiprocessing` has it."""
+
+    def send(self, message: Any, /) -> None:
+        """Send a message."""
+
+    def send_bytes(self, message: bytes, /) -> None:
+        """Send one that is no Python object."""
+
+    def recv(self) -> Any:
+        """Return the next message; `EOFError` when the pit is gone."""
+
+    def poll(self, timeout_s: float, /) -> bool:
+        """Return whether a message is there, or comes in time."""
+
+
 def describe_version() -> bytes:
     """Return what a worker says first: its versions, in a form that no other version changes."""
     versions = {"arena": version("arena-pit"), "protocol": PROTOCOL_VERSION, "rules": RULES_VERSION}
@@ -63,20 +82,25 @@ def work(pipe: Connection, mark: c_longlong) -> None:
     mark
         Memory that the pit reads after this process has died: the lane of the match that it is at, or `NOBODY`.
     """
+    os.dup2(2, 1)
+    work_for(pipe, lambda session, settings: WorkerLoop(session, settings, pipe, mark))
+
+
+def work_for(pipe: Pipe, make_loop: Callable[[Session, WorkerSettings], "WorkerLoop"]) -> None:
+    """Say the version, take the settings, and referee until told to stop."""
     for number in (signal.SIGINT, signal.SIGTERM):  # which a terminal, or a service manager, sends to all: the pit says when
         signal.signal(number, signal.SIG_IGN)
     _end_with_pit()
-    os.dup2(2, 1)
     set_up_logging()
-    pipe.send_bytes(describe_version())
     try:
+        pipe.send_bytes(describe_version())
         settings = pipe.recv()
-    except EOFError:
+    except (EOFError, OSError):
         return
     try:
         warm(settings.ruleset)  # before anybody can ask
         with open_client(settings.endpoint) as session:
-            _WorkerLoop(session, settings, pipe, mark).serve()
+            make_loop(session, settings).serve()
     except LostPitError as error:
         logger.warning("worker %d ends: %s", settings.number, error)
     except ArenaError as error:
@@ -90,15 +114,17 @@ def _end_with_pit() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-def _end_at_once() -> None:
+def end_at_once() -> None:
     """End this process from a thread: its loop may wait for what never comes, and its journals are whole at any time."""
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-class _WorkerLoop(MatchLoop):
+class WorkerLoop(MatchLoop):
     """The matches of this worker."""
 
-    def __init__(self, session: Session, settings: WorkerSettings, pipe: Connection, mark: c_longlong) -> None:
+    def __init__(
+        self, session: Session, settings: WorkerSettings, pipe: Pipe, mark: c_longlong, gate: Gate | None = None
+    ) -> None:
         self._pipe, self._mark = pipe, mark
         self._identity = Identity(Ed25519PrivateKey.from_private_bytes(settings.private))
         context = PitContext(
@@ -120,7 +146,9 @@ class _WorkerLoop(MatchLoop):
             self._worker,
             session.collect(topics.actions_of_worker(settings.pit, settings.number), MOST_WAITING),
             settings.journals,
+            beat=topics.beat_of_worker(settings.pit, settings.number),
             fsync=settings.fsync,
+            gate=gate,
             is_delayed_public=settings.public_delay > 0,
             carry_out={TellPit: lambda effect: self._reports.put(effect.report)},
             spare=f"worker-{settings.number}-",
@@ -145,23 +173,32 @@ class _WorkerLoop(MatchLoop):
     def _tell(self) -> None:
         while (report := self._reports.get()) is not None:
             try:
-                self._pipe.send(report)
+                self._send(report)
             except OSError:
-                _end_at_once()  # the pit is gone
+                end_at_once()  # the pit is gone
+
+    def _send(self, report: Report) -> None:
+        self._pipe.send(report)
+
+    def _hear(self, order: Order) -> None:
+        self._orders.put(order)
 
     def _listen(self) -> None:
         checked_at_s = 0.0
         while True:
             try:
                 if self._pipe.poll(_LISTEN_S):
-                    self._orders.put(self._pipe.recv())
+                    self._hear(self._pipe.recv())
             except (EOFError, OSError):
-                _end_at_once()  # the pit is gone
+                end_at_once()  # the pit is gone
             if time.monotonic() - checked_at_s > _LISTEN_S:
                 checked_at_s = time.monotonic()
-                if not self._session.is_connected():
+                if not self._has_router():
                     logger.warning("a worker has lost the router, and ends")
-                    _end_at_once()
+                    end_at_once()
+
+    def _has_router(self) -> bool:
+        return self._session.is_connected()
 
     # The loop
 
@@ -203,7 +240,7 @@ class _WorkerLoop(MatchLoop):
             self._hand_in(Ordered(order))
 
     def _take(self, order: TakeMatch) -> None:
-        left = find_left(order, self._journals, self._identity, fsync=self._fsync) if order.is_resumed else None
+        left = self._find_left(order)
         if isinstance(left, UnfinishedFound):
             self._hand_in(MatchTaken(left, order.new.lane))
         elif left is not None:
@@ -217,6 +254,9 @@ class _WorkerLoop(MatchLoop):
             else:
                 self._worker.n_taken += 1
                 self._reports.put(Gone(order.match, "no journal can be opened"))
+
+    def _find_left(self, order: TakeMatch) -> UnfinishedFound | list[Report] | None:
+        return find_left(order, self._journals, self._identity, fsync=self._fsync) if order.is_resumed else None
 
     def _refill(self) -> None:
         """Tell the pit how many matches can begin, whenever that changes."""

@@ -59,7 +59,7 @@ def test_a_file_that_is_gone_is_reported(path: Path) -> None:
 def test_a_new_journal_is_the_owner_s_alone_and_a_resumed_one_is_cut_to_its_whole_part(path: Path) -> None:
     new = path.with_name("new.journal")
     for file, kept in ((new, 0), (path, 100)):
-        journal = JournalFile(file, kept, fsync=True)
+        journal = JournalFile(file, kept)
         journal.append(b"more")
         journal.close()
 
@@ -68,13 +68,13 @@ def test_a_new_journal_is_the_owner_s_alone_and_a_resumed_one_is_cut_to_its_whol
 
 
 def test_a_journal_that_cannot_be_written_raises_a_sentence(tmp_path: Path) -> None:
-    journal = JournalFile(tmp_path / "journal", 0, fsync=False)
+    journal = JournalFile(tmp_path / "journal", 0)
     journal.close()
 
     with pytest.raises(ArenaError, match=r"^cannot write a journal: Bad file descriptor$"):
         journal.append(b"data")
     with pytest.raises(ArenaError, match=r"^cannot write a journal: No such file or directory$"):
-        JournalFile(tmp_path / "gone" / "journal", 0, fsync=False)
+        JournalFile(tmp_path / "gone" / "journal", 0)
 
 
 def test_unfinished_matches_are_found_without_a_record_that_was_cut_short(
@@ -100,7 +100,7 @@ def test_unfinished_matches_are_found_without_a_record_that_was_cut_short(
 
 def test_no_journal_is_written_over_by_that_of_a_match_that_is_played_again(tmp_path: Path) -> None:
     for data in (b"first", b"second", b"third"):
-        spare = SpareJournals(tmp_path, fsync=False)
+        spare = SpareJournals(tmp_path)
         spare.refill()
         journal = spare.take("pit+0.journal")
         journal.append(data)
@@ -113,7 +113,7 @@ def test_no_journal_is_written_over_by_that_of_a_match_that_is_played_again(tmp_
 
 def test_many_journals_have_no_more_files_open_than_few(tmp_path: Path) -> None:
     among, before = OpenJournals(most=3), len(list(Path("/dev/fd").iterdir()))
-    journals = [JournalFile(tmp_path / f"{number}", 0, fsync=False, among=among) for number in range(9)]
+    journals = [JournalFile(tmp_path / f"{number}", 0, among=among) for number in range(9)]
     for _ in range(3):
         for number, journal in enumerate(journals):
             journal.append(b"%d" % number)
@@ -127,7 +127,7 @@ def test_many_journals_have_no_more_files_open_than_few(tmp_path: Path) -> None:
 
 def test_journals_are_written_on_while_no_more_files_can_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     among = OpenJournals(most=3)
-    journals = [JournalFile(tmp_path / name, 0, fsync=False, among=among) for name in "ab"]
+    journals = [JournalFile(tmp_path / name, 0, among=among) for name in "ab"]
     open_one, most = os.open, 2
 
     def scarce(*arguments: Any, **options: Any) -> int:
@@ -137,7 +137,7 @@ def test_journals_are_written_on_while_no_more_files_can_be_opened(tmp_path: Pat
 
     monkeypatch.setattr("arena.pit.journal_files.os.open", scarce)
     with pytest.raises(ArenaError):  # a new match costs no other its file
-        JournalFile(tmp_path / "c", 0, fsync=False, among=among)
+        JournalFile(tmp_path / "c", 0, among=among)
     among.close(0)
     most = 1
     for _ in range(2):
