@@ -24,8 +24,8 @@ def main() -> None:
     """Take what to do as JSON, and the command."""
     order: dict[str, Any] = json.loads(sys.argv[1])
     if "parent" in order:
-        _follow(order["parent"])
-        _forget_keys()
+        follow(order["parent"])
+        forget_keys()
     for group in order.get("groups", ()):
         Path(group).write_text(str(os.getpid()))
     if "limits" in order:
@@ -33,7 +33,7 @@ def main() -> None:
     os.execvp(sys.argv[2], sys.argv[2:])
 
 
-def _follow(parent: int) -> None:
+def follow(parent: int) -> None:
     """End with the thread that started us, and at once if it has ended."""
     if sys.platform != "linux":
         return  # it ends once its stdin is closed
@@ -43,7 +43,7 @@ def _follow(parent: int) -> None:
     Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)  # before the referee, should the machine run out of memory
 
 
-def _forget_keys() -> None:
+def forget_keys() -> None:
     """Leave the keyring of whoever started us, which no namespace hides: it may hold keys, or word for another bot."""
     number = _KEYCTL.get(os.uname().machine)
     if sys.platform == "linux" and number is not None:  # where it is refused, a bot is refused it, too

@@ -94,6 +94,15 @@ class SandboxedProcess:
             raise ValueError("the process writes to a log")
         return stdin, stdout, stderr
 
+    @property
+    def is_running(self) -> bool:
+        """Whether it has not ended."""
+        return self.process.poll() is None
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        self.process.terminate()
+
     def memory_bytes(self) -> int | None:
         """Return what it and all that it started hold in memory; None where the system does not tell."""
         return _resident_bytes(self.process.pid)

@@ -13,6 +13,7 @@ from enum import Enum, auto
 
 from arena.network.address import Address
 from arena.records.plan import MatchPlan
+from tournaments.venues.fork_server import ForkServer
 from tournaments.venues.processes import ClientProcess
 from tournaments.venues.referee_process import Call, Dismissal
 from tournaments.venues.setting import Fighter, VenueSetting
@@ -47,12 +48,20 @@ class ClientPool:
     ----------
     tell
         Tells the referee something; `on_call` is to be called once it has done what a `Call` wants.
+    fork_server
+        Starts the clients of our own fighters; None where nothing can be forked.
     """
 
-    def __init__(self, setting: VenueSetting, address: Address, tell: Callable[[Call | Dismissal], None]) -> None:
+    def __init__(
+        self,
+        setting: VenueSetting,
+        address: Address,
+        tell: Callable[[Call | Dismissal], None],
+        fork_server: ForkServer | None = None,
+    ) -> None:
         if setting.most_clients < 2:
             raise ValueError(f"a match takes two clients, not {setting.most_clients}")
-        self._setting, self._address, self._tell = setting, address, tell
+        self._setting, self._address, self._tell, self._fork_server = setting, address, tell, fork_server
         self._clients: dict[str, _Client] = {}
 
     def __enter__(self) -> "ClientPool":
@@ -66,7 +75,7 @@ class ClientPool:
 
     def add(self, name: str, fighter: Fighter) -> None:
         """Take an entry in; it has no process yet."""
-        self._clients[name] = _Client(ClientProcess(self._setting, self._address, name, fighter))
+        self._clients[name] = _Client(ClientProcess(self._setting, self._address, name, fighter, self._fork_server))
 
     @property
     def leaving(self) -> list[str]:

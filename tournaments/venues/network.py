@@ -14,7 +14,8 @@ from arena.records.plan import MatchPlan
 from tournaments.outcome import Outcome
 from tournaments.venues.bundle import freeze
 from tournaments.venues.client_pool import ClientPool
-from tournaments.venues.processes import entry_key_path
+from tournaments.venues.fork_server import ForkServer, can_fork
+from tournaments.venues.processes import entry_key_path, may_fork
 from tournaments.venues.recovery import find_ended
 from tournaments.venues.referee_process import MOST_PLANS, Addition, Call, Done, Finish, News, RefereeProcess, Withdrawal
 from tournaments.venues.setting import EntryLostError, Fighter, VenueSetting, check_plans, ignore_invitations
@@ -41,7 +42,7 @@ def play(setting: VenueSetting, plans: Sequence[MatchPlan]) -> Iterator[Outcome]
     Raises
     ------
     ArenaError
-        The referee died again and again; a log says why.
+        The referee, or the process that clients are forked from, died again and again; a log says why.
     EntryLostError
         A client died again and again and played no match, or an entry that joins by itself has not come for `setting.absence_s`.
     """
@@ -87,7 +88,7 @@ class NetworkPit:
     Raises
     ------
     ArenaError
-        On entry and in `receive`: the referee died again and again; a log says why.
+        On entry and in `receive`: the referee, or the process that clients are forked from, died again and again; a log says why.
     """
 
     def __init__(self, setting: VenueSetting) -> None:
@@ -109,12 +110,17 @@ class NetworkPit:
         self._processes = ExitStack()
         bare = replace(setting, on_open=ignore_invitations, entries={}, sandboxes={}, remote={})
         self._referee = RefereeProcess(bare, self.address)
-        self._clients = ClientPool(setting, self.address.from_here(), self._referee.tell)
+        self._fork_server = ForkServer(setting) if can_fork() else None
+        self._clients = ClientPool(setting, self.address.from_here(), self._referee.tell, self._fork_server)
 
     def __enter__(self) -> "NetworkPit":
         data_folder(self._setting.journals)
         self._take_in(self._setting.fighters)
         with ExitStack() as processes:
+            if self._fork_server is not None:
+                processes.enter_context(self._fork_server)
+                if any(map(may_fork, self._fighters.values())):
+                    self._fork_server.begin()  # it gets ready while the referee does
             processes.enter_context(self._referee)
             self._start_referee()
             processes.enter_context(self._clients)

@@ -11,14 +11,19 @@ from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from arena.folders import data_folder
 from arena.jit import cache_root
 from arena.network.address import Address
 from arena.sandbox.limits import NO_LIMITS
 from arena.sandbox.process import Sandbox, SandboxedProcess
+from policies.registry import OWN
 from policies.workers.files import resolve
 from tournaments.venues.setting import Fighter, VenueSetting
+
+if TYPE_CHECKING:
+    from tournaments.venues.fork_server import ForkedProcess, ForkServer
 
 MOST_DEATHS = 3
 """Times in a row that a process which died young is started anew."""
@@ -26,6 +31,8 @@ YOUNG_S = 60.0
 """A process that lived longer was not broken from its start."""
 RETRY_S = 600.0
 """Whoever was given up is as good as any other after this time."""
+RUN_ARENA = "from tournaments.cli import main; main()"
+"""What an interpreter is given with `-c`, for a module below that of the command."""
 _PATIENCE_S = 20
 GOODBYE_S = 5.0
 """For a process that was asked to end."""
@@ -82,19 +89,23 @@ _MOST_LOG_BYTES, _KEPT_LOG_BYTES = 2 << 20, 1 << 19
 
 
 class ClientProcess:
-    """`arena join` as a process, once it is started; what it says goes to a log beside the journals."""
+    """`arena join` as a process, once it is started; what it says goes to a log beside the journals.
 
-    def __init__(self, setting: VenueSetting, address: Address, name: str, fighter: Fighter) -> None:
+    Parameters
+    ----------
+    fork_server
+        Starts the clients of our own fighters; without it, each has an interpreter of its own, as those of others have.
+    """
+
+    def __init__(
+        self, setting: VenueSetting, address: Address, name: str, fighter: Fighter, fork_server: "ForkServer | None" = None
+    ) -> None:
         self.name = name
         self._log = setting.journals / f"{name}.log"
         self._home = (setting.homes / name).absolute()
         self._notes, self._alive = self._home / "notes", self._home / "alive"
         sandbox = fighter.sandbox or _TRUSTED
-        self._command = [
-            sys.executable,
-            "-P",
-            "-c",
-            "from tournaments.cli import main; main()",
+        self._words = [
             "join",
             str(address),
             "--key",
@@ -120,7 +131,8 @@ class ClientProcess:
         self._restarts = RestartLimit(f"the client of {name}", self._log)
         self._grace_s = setting.time_control.grace_s
         self._away: _Absence | None = None
-        self._started: SandboxedProcess | None = None
+        self._fork_server = fork_server if may_fork(fighter) else None
+        self._started: SandboxedProcess | ForkedProcess | None = None
         data_folder(self._home, 0o700)
         self._notes.unlink(missing_ok=True)
         self._n_noted = 0
@@ -130,16 +142,18 @@ class ClientProcess:
         self._away = None
         self._restarts.note_start()
         self._alive.unlink(missing_ok=True)
-        environment = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ARENA_CONFIG"))}
-        environment |= {"HOME": str(self._home), "NUMBA_CACHE_DIR": str(cache_root())}
         _shorten(self._log)
         with self._log.open("ab") as log:
-            self._started = SandboxedProcess(self._command, _TRUSTED, environment, cwd=self._home, log=log)
+            if self._fork_server is not None:
+                self._started = self._fork_server.fork(self._words, self._home, log)
+            else:
+                command = [sys.executable, "-P", "-c", RUN_ARENA, *self._words]
+                self._started = SandboxedProcess(command, _TRUSTED, client_environment(self._home), cwd=self._home, log=log)
 
     @property
     def is_running(self) -> bool:
         """Whether the process is there."""
-        return self._started is not None and self._started.process.poll() is None
+        return self._started is not None and self._started.is_running
 
     @property
     def is_failing(self) -> bool:
@@ -150,7 +164,7 @@ class ClientProcess:
     def terminate(self) -> None:
         """Ask it to end; `end` waits for that."""
         if self._started is not None:
-            self._started.process.terminate()
+            self._started.terminate()
 
     def end(self, patience_s: float = GOODBYE_S) -> None:
         """End it and all that it started, unless it does so by itself soon."""
@@ -208,6 +222,17 @@ class ClientProcess:
             return self._restarts.failure_message() if time.monotonic() > self._away.give_up_at_s else ""
         self.start()
         return ""
+
+
+def may_fork(fighter: Fighter) -> bool:
+    """Return whether the client of a fighter may be a fork: it is one of our own, which plays in the client itself."""
+    return fighter.sandbox is None and fighter.spec in OWN
+
+
+def client_environment(home: Path) -> dict[str, str]:
+    """Return the whole environment of a client: ours, with a home of its own, and the kernels that we have compiled."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ARENA_CONFIG"))}
+    return environment | {"HOME": str(home), "NUMBA_CACHE_DIR": str(cache_root())}
 
 
 def _shorten(log: Path) -> None:

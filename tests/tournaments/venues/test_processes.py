@@ -236,8 +236,8 @@ def test_whoever_a_killed_scheduler_started_ends_with_it(tmp_path: Path) -> None
     file.write_text(f'pairs = 1\nseed = 1\n{clock}\n[entries]\none = "rush"\nstuck = "{tmp_path / "stuck.py"}"')
     with LeagueProcess(file, "network", tmp_path / "data", str(tmp_path / "arena.db")) as league:
         league.start()
-        while len(family := {*league.family(), *marked(mark)}) < 6 or not marked(mark):
-            # the scheduler, its referee, two clients, a fighter behind its wall, and what it started
+        while len(family := {*league.family(), *marked(mark)}) < 7 or not marked(mark):
+            # the scheduler, its referee, what one client is forked from, two clients, a fighter and what it started
             assert not league.ends_within(0.05), league.said
 
         assert league.process is not None
