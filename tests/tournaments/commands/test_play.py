@@ -236,6 +236,7 @@ def test_a_full_disk_is_one_sentence(here: Run, tmp_path: Path) -> None:
         text=True,
         timeout=300,
         check=False,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},  # Python would cut that short as well, and not notice
         preexec_fn=allow_no_more_than_500_bytes,
     )
 

@@ -214,6 +214,7 @@ with Store(str(file)) as store:
 def test_a_disk_that_takes_no_more_is_one_sentence_and_keeps_what_it_has(tmp_path: Path) -> None:
     command = [sys.executable, "-c", FILL_THE_DISK, str(tmp_path / "arena.db")]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, Path(__file__).parents[:2]))}
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"  # Python would cut that short as well, and not notice
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=WAIT_S, check=False)
 
     assert done.returncode == 0, done.stderr

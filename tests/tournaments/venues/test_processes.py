@@ -216,6 +216,7 @@ def test_a_disk_that_takes_no_journal_is_one_sentence_and_what_was_stored_can_go
     program.write_text(FULL)
     command = [sys.executable, str(program), venue, str(tmp_path), "1000"]  # no file is to be longer
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, Path(__file__).parents[:2]))}
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"  # Python would cut that short as well, and not notice
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
 
     assert done.returncode == 0, done.stderr
