@@ -11,6 +11,8 @@ from commands import PATIENCE_S, Command
 from test_monitoring import ask, ports, scrape
 from test_pit import asked, journals, write_bot
 
+from arena.records.journal import Journal
+
 __all__ = ["ports"]
 
 Start = Callable[..., Command]
@@ -36,22 +38,21 @@ def is_there(pid: int) -> bool:
         return False
 
 
-def test_the_same_seeds_give_the_same_journals_with_one_worker_and_with_two(start: Start, port: int, tmp_path: Path) -> None:
-    played = {}
-    for n_workers, more in ((1, ("--fsync",)), (2, ())):
-        data = tmp_path / str(n_workers)
-        options = ("--listen", f"tcp/127.0.0.1:{port}", "--data", data, "--seed", 7, "--matches", 4, "--workers", n_workers)
-        pit = start("serve", *options, *more)
-        address = pit.wait_for("join with: ").said.partition("pit open at ")[2].split()[0]
-        clients = [
-            start("join", address, "--team", team, "--policy", policy, "--slots", 2, "--forever")
-            for team, policy in (("red", "rush"), ("blue", "patrol"))
-        ]
-        assert [process.finish() for process in (*clients, pit)] == [0, 0, 0]
-        played[n_workers] = {journal.header.identity: journal for journal in journals(data)}
-        assert not list((data / "journals").glob(".spare*"))
+def play_four(start: Start, port: int, data: Path, *options: object) -> dict[str, Journal]:
+    """Play four matches on the same maps in a pit with these options; return their journals."""
+    pit = start("serve", "--listen", f"tcp/127.0.0.1:{port}", "--data", data, "--seed", 7, "--matches", 4, *options)
+    address = pit.wait_for("join with: ").said.partition("pit open at ")[2].split()[0]
+    clients = [
+        start("join", address, "--team", team, "--policy", policy, "--slots", 2, "--forever")
+        for team, policy in (("red", "rush"), ("blue", "patrol"))
+    ]
+    assert [process.finish() for process in (*clients, pit)] == [0, 0, 0]
+    assert not list((data / "journals").glob(".spare*"))
+    return {journal.header.identity: journal for journal in journals(data)}
 
-    one, two = played[1], played[2]
+
+def assert_the_same(one: dict[str, Journal], two: dict[str, Journal]) -> None:
+    """Four matches were the same wherever they were refereed, and all are signed."""
     assert len(one) == 4
     assert {identity: journal.canonical for identity, journal in one.items()} == {
         identity: journal.canonical for identity, journal in two.items()
@@ -60,6 +61,11 @@ def test_the_same_seeds_give_the_same_journals_with_one_worker_and_with_two(star
         assert journal.seals is not None
         assert journal.seals.signature
         assert len(journal.seals.receipts) == 2
+
+
+def test_the_same_seeds_give_the_same_journals_with_one_worker_and_with_two(start: Start, port: int, tmp_path: Path) -> None:
+    one = play_four(start, port, tmp_path / "one", "--fsync")
+    assert_the_same(one, play_four(start, port, tmp_path / "two", "--workers", 2))
 
 
 def test_workers_that_are_killed_are_replaced_and_die_with_their_pit_and_no_tick_is_lost(
