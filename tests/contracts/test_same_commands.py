@@ -181,6 +181,10 @@ serve --web 8000 --no-web --data data
 serve --web-host 0.0.0.0 --data data
 serve --web 8000 --web-host 0.0.0.0 --data data
 serve --metrics 9100 --data data
+serve --workers 0 --data data
+serve --machine =2 --data data
+serve --machine far=0 --data data
+serve --machine far=64 --workers 2 --data data
 serve --invite absent --data data
 serve --matches 0 --data data
 web --host 0.0.0.0 --data data

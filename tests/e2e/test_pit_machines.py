@@ -37,6 +37,17 @@ def options(machines: list[FarMachine], folder: Path) -> list[object]:
     return ["--workers", 0, *named, "--machine-program", folder / "ssh" / "arena"]
 
 
+def test_a_machine_on_which_nothing_runs_is_one_sentence_and_the_way_out(
+    start: Start, port: int, machines: list[FarMachine], tmp_path: Path
+) -> None:
+    host = f"m{machines[0].port}"
+    wrong = ("--workers", 0, "--machine", host, "--machine-program", "/nowhere/arena")
+    pit = start("serve", "--listen", f"tcp/127.0.0.1:{port}", "--data", tmp_path, *wrong)
+    assert pit.finish() == 2, pit.said
+    way_out = f"`ssh {host} /nowhere/arena --version` must answer, and ask for no password"
+    assert pit.said.endswith(f"arena: {host} runs no worker, 4 times in a row; {way_out}\n")
+
+
 class HeldMatch:
     """A match on other machines that waits at its eighth tick for a bot, which thinks until it is let go."""
 

@@ -53,7 +53,7 @@ def parse_machine(text: str, program: str) -> list[Machine]:
     if not host or host.startswith("-") or any(character.isspace() for character in host):
         raise InputError(f"{text!r} names no machine; write HOST=N, with HOST as ssh takes it, such as ann@10.0.0.2=4")
     if equals and not (number.isascii() and number.isdigit() and 0 < int(number) <= MOST_WORKERS):
-        raise InputError(f"{text!r} says not how many workers; write HOST=N with N from 1 to {MOST_WORKERS}")
+        raise InputError(f"{text!r} does not say how many workers; write HOST=N with N from 1 to {MOST_WORKERS}")
     return [Machine(host, program)] * int(number or 1)
 
 

@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any
 
-from arena.errors import ArenaError
+from arena.errors import ArenaError, InputError
 from arena.pit.events import Event, WorkerLost, WorkerReady, WorkerSaid
 from arena.pit.workers.journal_copies import JournalCopies, read_left
 from arena.pit.workers.machines import HERE, FarProcess, Machine
@@ -115,7 +115,7 @@ class WorkerProcesses:
                 place.heard_at_s = now_s  # this process was stopped itself
             if place.is_gone and not self._is_stopping:
                 if place.n_stillborn > MOST_STILLBORN and not (self._has_opened and place.home.host):
-                    raise ArenaError(describe_stillborn(place.machine, number, place.n_stillborn))
+                    raise describe_stillborn(place.machine, number, place.n_stillborn)
                 if now_s >= place.start_at_s:
                     self._start(place)
             elif place.is_ready and now_s - place.heard_at_s > HUNG_S:
@@ -251,12 +251,12 @@ def _fail(reason: str) -> Event:
     raise ArenaError(reason)
 
 
-def describe_stillborn(machine: Machine, number: int, n_deaths: int) -> str:
-    """Return a sentence on a worker that never comes as far as taking matches."""
-    if machine.host:
-        command = f"ssh {machine.host} {machine.program} --version"
-        return f"{machine} runs no worker, {n_deaths} times in a row; `{command}` must answer, and ask for no password"
-    return f"worker {number} died {n_deaths} times in a row before it took a match"
+def describe_stillborn(machine: Machine, number: int, n_deaths: int) -> ArenaError:
+    """Return what ends a pit one of whose workers never comes as far as taking matches."""
+    if not machine.host:
+        return ArenaError(f"worker {number} died {n_deaths} times in a row before it took a match")
+    command = f"ssh {machine.host} {machine.program} --version"
+    return InputError(f"{machine} runs no worker, {n_deaths} times in a row; `{command}` must answer, and ask for no password")
 
 
 def describe_difference(number: int, said: bytes, machine: Machine = HERE) -> str:
