@@ -84,11 +84,12 @@ def philox_keys(keys: Sequence[MatchKeys]) -> PhiloxKeys:
     secrets = np.empty((n, len(_LABELS), KEY_BYTES), np.uint8)
     secrets[:, :-1] = np.frombuffer(match_keys, np.uint8).reshape(n, 1, KEY_BYTES)
     secrets[:, -1] = np.frombuffer(map_keys, np.uint8).reshape(n, KEY_BYTES)
-    inner, outer = np.tile(_INNER, (n, 1)), np.tile(_OUTER, (n * len(_LABELS), 1))
-    for hashed in (inner, outer):
-        hashed[:, :KEY_BYTES] ^= secrets.reshape(-1, KEY_BYTES)
-    outer[:, BLOCK_BYTES : BLOCK_BYTES + DIGEST_BYTES] = hash_messages(inner)
-    words = hash_messages(outer).view("<u4").reshape(n, len(_LABELS), -1)
+    inner, outer = np.empty((n, *_INNER.shape), np.uint8), np.empty((n, *_INNER.shape), np.uint8)
+    inner[:], outer[:] = _INNER, _OUTER
+    inner[..., :KEY_BYTES] ^= secrets
+    outer[..., :KEY_BYTES] ^= secrets
+    outer[..., BLOCK_BYTES : BLOCK_BYTES + DIGEST_BYTES] = hash_messages(inner)
+    words = hash_messages(outer).view("<u4")
     return PhiloxKeys(unit=words[:, :2, :4].reshape(n, 2, 2, 2), seat=words[:, 2:4, :2], board=words[:, 4, :2])
 
 

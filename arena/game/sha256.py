@@ -35,10 +35,10 @@ def pad_messages(n_messages: int, n_bytes: int) -> NDArray[np.uint8]:
 
 
 def hash_messages(padded: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the digests of messages of `pad_messages`; shape (n_messages, 32)."""
+    """Return the digests of messages of `pad_messages`, which may have any leading axes; shape (..., 32)."""
     words = padded.view(">u4").astype(np.uint32)
-    digests = np.empty((len(padded), DIGEST_BYTES // 4), np.uint32)
-    _hash(words, digests, np.empty(_N_ROWS * _LANES, np.uint32))
+    digests = np.empty((*words.shape[:-1], DIGEST_BYTES // 4), np.uint32)
+    _hash(words.reshape(-1, words.shape[-1]), digests.reshape(-1, digests.shape[-1]), np.empty(_N_ROWS * _LANES, np.uint32))
     return digests.astype(">u4").view(np.uint8)
 
 

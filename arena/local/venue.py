@@ -18,7 +18,7 @@ from arena.game.engine import BatchedGame
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.local import bare
-from arena.local.bare import BareFaults, BarePlan, BareResult
+from arena.local.bare import NO_FAULTS, BareFaults, BarePlan, BareResult
 from arena.local.saving import MOST_FILES, make_journals_folder, save
 from arena.local.workers import send_to_parent, work
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
@@ -53,7 +53,7 @@ class MatchRecord(NamedTuple):
 
     def without_journal(self) -> "MatchRecord":
         """Return the same without its journal, once that is written."""
-        return self._replace(journal=None)
+        return MatchRecord(self.plan, self.result, self.faults, self.n_unreadable, None)
 
     def points(self, entry: str) -> float:
         """Return what the match is worth to one of its two entries: 1 for a win, 0.5 for a draw, 0 for a loss."""
@@ -228,6 +228,7 @@ class Batch:
             team: make(ruleset, team, n_rows) for team, make in zip(Team, (blue, red), strict=True)
         }
         self._hear_ends = [team for team, fighter in self.fighters.items() if type(fighter).end is not BatchPolicy.end]
+        self._may_fail = any(type(fighter).take_faults is not BatchPolicy.take_faults for fighter in self.fighters.values())
         sizes = self.games.n_units
         self.orders = {team: np.zeros((n_rows, sizes[team]), np.int8) for team in Team}
         self._n_unreadable = np.zeros((n_rows, len(Team)), np.int64)
@@ -241,7 +242,7 @@ class Batch:
         self.games.start(rows, [plan.keys for plan in plans])
         self._n_unreadable[rows] = 0
         self._is_running[rows] = True
-        self._journals.start(rows, plans, self.games.state.ground[rows], self.games.digestible()[rows])
+        self._journals.start(rows, plans, self.games.state.ground[rows], self.games.digestible(rows))
         self.running.update(zip(rows, plans, strict=True))
         for fighter in self.fighters.values():
             if type(fighter).name_match is not BatchPolicy.name_match:
@@ -292,4 +293,5 @@ class Batch:
         for team in self._hear_ends:
             self.fighters[team].end(row, result.seen_by(team))
         blue, red = self.fighters.values()
-        return MatchRecord(self.running.pop(row), result, (blue.take_faults(row), red.take_faults(row)), n_unreadable, journal)
+        faults = (blue.take_faults(row), red.take_faults(row)) if self._may_fail else NO_FAULTS
+        return MatchRecord(self.running.pop(row), result, faults, n_unreadable, journal)

@@ -62,19 +62,16 @@ class JournalBatch:
         self._ticks[rows, n_ticks, :n_record] = self._records[rows]
         self._ticks[rows, n_ticks, n_record:] = links[rows]
         self._n_ticks[rows] += 1
-        for row in rows[n_ticks + 1 == _MOST_TICKS].tolist():
-            self._before[row].append(self._take_ticks(row))
+        full = rows[n_ticks + 1 == _MOST_TICKS]
+        for row in full.tolist():
+            self._before[row].append(self._ticks[row].tobytes())
+        self._n_ticks[full] = 0
 
     def finish(self, rows: Sequence[int], results: Sequence[MatchResult]) -> Iterator[bytes]:
         """Yield the whole journals of matches that have ended."""
-        chains = _split(self._chains[rows])
-        for row, chain, result in zip(rows, chains, results, strict=True):
-            yield b"".join((*self._before[row], self._take_ticks(row), write_ending(chain, result)))
-
-    def _take_ticks(self, row: int) -> bytes:
-        data = self._ticks[row, : self._n_ticks[row]].tobytes()
-        self._n_ticks[row] = 0
-        return data
+        chains, lengths = _split(self._chains[rows]), self._n_ticks[rows].tolist()
+        for row, chain, n_ticks, result in zip(rows, chains, lengths, results, strict=True):
+            yield b"".join((*self._before[row], self._ticks[row, :n_ticks].tobytes(), write_ending(chain, result)))
 
 
 def _split(facts: NDArray[np.generic]) -> list[bytes]:
