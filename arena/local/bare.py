@@ -23,10 +23,7 @@ def strip(plans: Sequence[MatchPlan]) -> list[BarePlan]:
 
 def dress(plans: Sequence[BarePlan]) -> list[MatchPlan]:
     """Return plans that crossed."""
-    return [
-        MatchPlan(identity=identity, blue=blue, red=red, keys=MatchKeys(map_key=map_key, match_key=match_key))
-        for identity, blue, red, map_key, match_key in plans
-    ]
+    return [MatchPlan(identity, blue, red, MatchKeys(map_key, match_key)) for identity, blue, red, map_key, match_key in plans]
 
 
 def strip_result(result: MatchResult) -> BareResult:

@@ -154,13 +154,7 @@ def play_bare(
 def dress(played: list[BareRecord], by_identity: Mapping[str, MatchPlan]) -> Iterator[MatchRecord]:
     """Yield records that came back, with their plans."""
     for identity, result, faults, n_unreadable, journal in played:
-        yield MatchRecord(
-            plan=by_identity[identity],
-            result=make_result(*result),
-            faults=bare.dress_faults(faults),
-            n_unreadable=n_unreadable,
-            journal=journal,
-        )
+        yield MatchRecord(by_identity[identity], make_result(*result), bare.dress_faults(faults), n_unreadable, journal)
 
 
 def _news(message: tuple[Any, ...]) -> News:
