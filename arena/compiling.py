@@ -38,7 +38,7 @@ def game_kernels(ruleset: Ruleset) -> list[Kernel]:
     return [
         Kernel(name="steps", run=partial(prepare_steps, ruleset), seconds=11),
         Kernel(name="views", run=partial(prepare_views, ruleset), seconds=7),
-        Kernel(name="boards", run=partial(prepare_boards, ruleset), seconds=5),
+        Kernel(name="boards", run=partial(prepare_boards, ruleset), seconds=7),
         Kernel(name="turns", run=partial(prepare_turns, ruleset), seconds=2, stage=1),
     ]
 

@@ -23,6 +23,7 @@ from arena.game.types import FLAGS, UAVS, UGVS, Team, Termination
 from arena.jit import bind
 
 WORK_SHAPE = (4, 32)
+_ALL = slice(None)
 _ENDING, _N_DIGESTED = int(StateField.ENDING), int(StateField.SCORE) + 1
 _RUNNING = int(Termination.RUNNING)
 """As `_ENDING` a plain number: numpy takes microseconds over a member of an enumeration."""
@@ -190,11 +191,11 @@ class BatchedGame:
         parts = self.state.field[game, :_N_DIGESTED], self.state.cell[game], self.state.alive[game]
         return [part.view(np.uint8).data for part in parts]
 
-    def digestible(self) -> NDArray[np.uint8]:
+    def digestible(self, games: slice | Sequence[int] = _ALL) -> NDArray[np.uint8]:
         """Return the bytes of each true state that change from tick to tick; shape (n_games, bytes), freshly made."""
-        facts = np.ascontiguousarray(self.state.field[:, :_N_DIGESTED], "<i4").view(np.uint8)
-        cells = self.state.cell.astype("<i2", copy=False).view(np.uint8)
-        return np.concatenate([facts, cells, self.state.alive], axis=1)
+        facts = np.ascontiguousarray(self.state.field[games, :_N_DIGESTED], "<i4").view(np.uint8)
+        cells = self.state.cell[games].astype("<i2", copy=False).view(np.uint8)
+        return np.concatenate([facts, cells, self.state.alive[games]], axis=1)
 
     def _make_observations(self, team: Team) -> Observations:
         first = self.n_units[Team.BLUE] if team is Team.RED else 0

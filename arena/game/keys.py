@@ -8,18 +8,18 @@ all others = HKDF-Expand(match key, a label each)          RFC 5869
 import hmac
 import secrets
 from collections.abc import Sequence
-from dataclasses import dataclass
 from hashlib import sha256
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.game.sha256 import BLOCK_BYTES, DIGEST_BYTES, hash_messages, pad_messages
+
 KEY_BYTES = 32
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MatchKeys:
+class MatchKeys(NamedTuple):
     """All the randomness of one match."""
 
     map_key: bytes
@@ -51,6 +51,21 @@ def expand(match_key: bytes, label: str) -> bytes:
     return hmac.digest(match_key, b"arena " + label.encode() + b"\x01", "sha256")
 
 
+_LABELS = "moves", "fights", "blue seed", "red seed", "board"
+"""The last of a map key, the others of a match key."""
+
+
+def _pad_hmac(pad: int, message: bytes) -> NDArray[np.uint8]:
+    """Return what HMAC hashes under a key of zeros."""
+    padded = pad_messages(1, BLOCK_BYTES + len(message))
+    padded[0, : BLOCK_BYTES + len(message)] = [pad] * BLOCK_BYTES + list(message)
+    return padded
+
+
+_INNER = np.concatenate([_pad_hmac(0x36, b"arena " + label.encode() + b"\x01") for label in _LABELS])
+_OUTER = _pad_hmac(0x5C, bytes(DIGEST_BYTES))
+
+
 class PhiloxKeys(NamedTuple):
     """What the kernels draw their words with, for `n` matches; uint32."""
 
@@ -63,15 +78,19 @@ class PhiloxKeys(NamedTuple):
 
 
 def philox_keys(keys: Sequence[MatchKeys]) -> PhiloxKeys:
-    """Return the Philox keys of some matches."""
-    labels = ("moves", 16), ("fights", 16), ("blue seed", 8), ("red seed", 8)
-    parts = [expand(key.match_key, label)[:size] for key in keys for label, size in labels]
-    parts += [expand(key.map_key, "board")[:8] for key in keys]
-    words, n = np.frombuffer(b"".join(parts), "<u4"), len(keys)  # of all at once: numpy takes longer than the hash
-    of_match = words[: 12 * n].reshape(n, 12)
-    return PhiloxKeys(
-        unit=of_match[:, :8].reshape(n, 2, 2, 2), seat=of_match[:, 8:].reshape(n, 2, 2), board=words[12 * n :].reshape(n, 2)
-    )
+    """Return the Philox keys of some matches: `expand`, of all of them at once."""
+    n = len(keys)
+    match_keys, map_keys = b"".join([key.match_key for key in keys]), b"".join([key.map_key for key in keys])
+    secrets = np.empty((n, len(_LABELS), KEY_BYTES), np.uint8)
+    secrets[:, :-1] = np.frombuffer(match_keys, np.uint8).reshape(n, 1, KEY_BYTES)
+    secrets[:, -1] = np.frombuffer(map_keys, np.uint8).reshape(n, KEY_BYTES)
+    inner, outer = np.empty((n, *_INNER.shape), np.uint8), np.empty((n, *_INNER.shape), np.uint8)
+    inner[:], outer[:] = _INNER, _OUTER
+    inner[..., :KEY_BYTES] ^= secrets
+    outer[..., :KEY_BYTES] ^= secrets
+    outer[..., BLOCK_BYTES : BLOCK_BYTES + DIGEST_BYTES] = hash_messages(inner)
+    words = hash_messages(outer).view("<u4")
+    return PhiloxKeys(unit=words[:, :2, :4].reshape(n, 2, 2, 2), seat=words[:, 2:4, :2], board=words[:, 4, :2])
 
 
 def _hmac(secret: bytes, *parts: str) -> bytes:

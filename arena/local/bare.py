@@ -12,7 +12,8 @@ BareResult = tuple[int, int, int, int]
 _OfOne = tuple[int, int, str | None, dict[str, tuple[str, int]], dict[str, int]]
 BareFaults = tuple[_OfOne, _OfOne] | None
 """Of both teams; mostly, nothing went wrong."""
-_NONE = Faults()
+NO_FAULTS = Faults(), Faults()
+"""Of all matches in which nothing went wrong: to be read, never added to."""
 
 
 def strip(plans: Sequence[MatchPlan]) -> list[BarePlan]:
@@ -22,10 +23,7 @@ def strip(plans: Sequence[MatchPlan]) -> list[BarePlan]:
 
 def dress(plans: Sequence[BarePlan]) -> list[MatchPlan]:
     """Return plans that crossed."""
-    return [
-        MatchPlan(identity=identity, blue=blue, red=red, keys=MatchKeys(map_key=map_key, match_key=match_key))
-        for identity, blue, red, map_key, match_key in plans
-    ]
+    return [MatchPlan(identity, blue, red, MatchKeys(map_key, match_key)) for identity, blue, red, map_key, match_key in plans]
 
 
 def strip_result(result: MatchResult) -> BareResult:
@@ -35,13 +33,12 @@ def strip_result(result: MatchResult) -> BareResult:
 
 def strip_faults(faults: tuple[Faults, Faults]) -> BareFaults:
     """Return the faults of both teams as they cross."""
-    blue, red = faults
-    return None if blue == red == _NONE else (_strip(blue), _strip(red))
+    return None if faults is NO_FAULTS or faults == NO_FAULTS else (_strip(faults[0]), _strip(faults[1]))
 
 
 def dress_faults(bare: BareFaults) -> tuple[Faults, Faults]:
     """Return faults that crossed."""
-    return (Faults(), Faults()) if bare is None else (_dress(*bare[0]), _dress(*bare[1]))
+    return NO_FAULTS if bare is None else (_dress(*bare[0]), _dress(*bare[1]))
 
 
 def _strip(one: Faults) -> _OfOne:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 MOST_FILES = 600
 """Matches of one call that have a file each, for whoever looks at one. Of more, files would cost more than the matches: their
 journals go into bundles."""
-_RECORDS_PER_WRITE, _MOST_UNWRITTEN = 64, 1024
+_RECORDS_PER_WRITE, _MOST_UNWRITTEN = 256, 1024
 _WRITE_EVERY_S = 0.1
 
 

@@ -7,9 +7,7 @@ that a match is made of depends on its row, on the batch or on the process: its 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
-from hashlib import sha256
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,11 +18,12 @@ from arena.game.engine import BatchedGame
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.local import bare
-from arena.local.bare import BareFaults, BarePlan, BareResult
+from arena.local.bare import NO_FAULTS, BareFaults, BarePlan, BareResult
 from arena.local.saving import MOST_FILES, make_journals_folder, save
 from arena.local.workers import send_to_parent, work
 from arena.policy import BatchFactory, BatchPolicy, Faults, MatchResult
-from arena.records.journal import Header, Mark, write_ending, write_start
+from arena.records.journal import Mark
+from arena.records.journal_batch import JournalBatch
 from arena.records.plan import MatchPlan
 from arena.records.replay import make_result, match_results
 
@@ -40,8 +39,7 @@ BareRecord = tuple[str, BareResult, BareFaults, tuple[int, int], bytes | None]
 """A record as it comes back from another process."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MatchRecord:
+class MatchRecord(NamedTuple):
     """A match that was played."""
 
     plan: MatchPlan
@@ -55,7 +53,7 @@ class MatchRecord:
 
     def without_journal(self) -> "MatchRecord":
         """Return the same without its journal, once that is written."""
-        return MatchRecord(plan=self.plan, result=self.result, faults=self.faults, n_unreadable=self.n_unreadable, journal=None)
+        return MatchRecord(self.plan, self.result, self.faults, self.n_unreadable, None)
 
     def points(self, entry: str) -> float:
         """Return what the match is worth to one of its two entries: 1 for a win, 0.5 for a draw, 0 for a loss."""
@@ -156,13 +154,7 @@ def play_bare(
 def dress(played: list[BareRecord], by_identity: Mapping[str, MatchPlan]) -> Iterator[MatchRecord]:
     """Yield records that came back, with their plans."""
     for identity, result, faults, n_unreadable, journal in played:
-        yield MatchRecord(
-            plan=by_identity[identity],
-            result=make_result(*result),
-            faults=bare.dress_faults(faults),
-            n_unreadable=n_unreadable,
-            journal=journal,
-        )
+        yield MatchRecord(by_identity[identity], make_result(*result), bare.dress_faults(faults), n_unreadable, journal)
 
 
 def _news(message: tuple[Any, ...]) -> News:
@@ -219,32 +211,23 @@ def play_batch(ruleset: Ruleset, plans: Iterable[MatchPlan], blue: BatchFactory,
         batch.empty(free[len(refill) :])
 
 
-def _split(facts: np.ndarray) -> list[bytes]:
-    """Return the bytes of each row."""
-    data, n_bytes = facts.tobytes(), facts[0].nbytes
-    return [data[at : at + n_bytes] for at in range(0, len(data), n_bytes)]
-
-
 class Batch:
     """Rows of running matches, their fighters, and their journals so far."""
 
     def __init__(self, ruleset: Ruleset, n_rows: int, blue: BatchFactory, red: BatchFactory) -> None:
         self.n_rows = n_rows
         self.running: dict[int, MatchPlan] = {}
-        self._ruleset = ruleset
         self.games = BatchedGame(ruleset, n_rows)
         self.fighters: dict[Team, BatchPolicy] = {
             team: make(ruleset, team, n_rows) for team, make in zip(Team, (blue, red), strict=True)
         }
+        self._hear_ends = [team for team, fighter in self.fighters.items() if type(fighter).end is not BatchPolicy.end]
+        self._may_fail = any(type(fighter).take_faults is not BatchPolicy.take_faults for fighter in self.fighters.values())
         sizes = self.games.n_units
-        self._n_orders = sum(sizes.values())
         self.orders = {team: np.zeros((n_rows, sizes[team]), np.int8) for team in Team}
         self._n_unreadable = np.zeros((n_rows, len(Team)), np.int64)
-        self._no_marks = np.zeros((n_rows, len(Team)), np.uint8)
-        self._tags = np.full((n_rows, 1), ord("T"), np.uint8)
         self._is_running = np.zeros(n_rows, np.bool_)
-        self._chains = [b""] * n_rows
-        self._pieces: list[list[bytes]] = [[] for _ in range(n_rows)]
+        self._journals = JournalBatch(ruleset, n_rows, self.games.digestible().shape[1])
 
     def start(self, rows: Sequence[int], plans: Sequence[MatchPlan]) -> None:
         """Begin new matches in free rows."""
@@ -253,15 +236,12 @@ class Batch:
         self.games.start(rows, [plan.keys for plan in plans])
         self._n_unreadable[rows] = 0
         self._is_running[rows] = True
-        grounds, states = (_split(facts[rows]) for facts in (self.games.state.ground, self.games.digestible()))
-        for row, plan, ground, state in zip(rows, plans, grounds, states, strict=True):
-            header = Header(identity=plan.identity, blue=plan.blue, red=plan.red, ruleset=self._ruleset, keys=plan.keys)
-            data, self._chains[row] = write_start(header, ground, state)
-            self._pieces[row] = [data]
-            self.running[row] = plan
+        self._journals.start(rows, plans, self.games.state.ground[rows], self.games.digestible(rows))
+        self.running.update(zip(rows, plans, strict=True))
         for fighter in self.fighters.values():
-            for row, plan in zip(rows, plans, strict=True):
-                fighter.name_match(row, plan.identity)
+            if type(fighter).name_match is not BatchPolicy.name_match:
+                for row, plan in zip(rows, plans, strict=True):
+                    fighter.name_match(row, plan.identity)
             fighter.start(np.asarray(rows, np.intp))
 
     def empty(self, rows: Sequence[int]) -> None:
@@ -284,45 +264,28 @@ class Batch:
     def step(self) -> list[tuple[int, MatchRecord]]:
         """Play what was ordered; return as `play_tick` does."""
         orders = np.concatenate([self.orders[team] for team in Team], axis=1)
-        marks = self._no_marks
+        marks: np.ndarray | int = 0
         if orders.min(initial=0) < 0:
             unreadable = np.stack([(self.orders[team] < 0).any(axis=1) for team in Team], axis=1)
             self._n_unreadable += unreadable
             marks = unreadable.astype(np.uint8) * np.uint8(Mark.UNREADABLE)
             np.maximum(orders, 0, out=orders)
         self.games.step(orders)
-        self._write(orders, marks)
+        self._journals.add_tick(np.flatnonzero(self._is_running), orders, marks, self.games.digestible())
         ended = np.flatnonzero(self.games.is_over & self._is_running).tolist()
         if not ended:
             return []
         self._is_running[ended] = False
         results, n_unreadable = match_results(self.games, ended), self._n_unreadable[ended].tolist()  # at once: numpy is slow
+        journals = self._journals.finish(ended, results)
         return [
-            (row, self._finish(row, result, blue, red))
-            for row, result, (blue, red) in zip(ended, results, n_unreadable, strict=True)
+            (row, self._finish(row, result, (blue, red), journal))
+            for row, result, (blue, red), journal in zip(ended, results, n_unreadable, journals, strict=True)
         ]
 
-    def _write(self, orders: np.ndarray, marks: np.ndarray) -> None:
-        """Add the tick to every running match's journal. This loop is the venue's cost per match: what it does, it does once."""
-        records = np.concatenate([self._tags, orders.view(np.uint8), marks, self.games.digestible()], axis=1)
-        data, length, n_kept = records.tobytes(), records.shape[1], 1 + self._n_orders + len(Team)
-        chains, pieces = self._chains, self._pieces
-        for row in self.running:
-            record = data[row * length : (row + 1) * length]
-            chains[row] = chain = sha256(chains[row] + record).digest()  # as `journal.link`, without its call
-            pieces[row].append(record[:n_kept] + chain)
-
-    def _finish(self, row: int, result: MatchResult, *n_unreadable: int) -> MatchRecord:
-        plan = self.running.pop(row)
-        for team, fighter in self.fighters.items():
-            if type(fighter).end is not BatchPolicy.end:
-                fighter.end(row, result.seen_by(team))
-        self._pieces[row].append(write_ending(self._chains[row], result))
-        blue, red = n_unreadable
-        return MatchRecord(
-            plan=plan,
-            result=result,
-            faults=(self.fighters[Team.BLUE].take_faults(row), self.fighters[Team.RED].take_faults(row)),
-            n_unreadable=(blue, red),
-            journal=b"".join(self._pieces[row]),
-        )
+    def _finish(self, row: int, result: MatchResult, n_unreadable: tuple[int, int], journal: bytes) -> MatchRecord:
+        for team in self._hear_ends:
+            self.fighters[team].end(row, result.seen_by(team))
+        blue, red = self.fighters.values()
+        faults = (blue.take_faults(row), red.take_faults(row)) if self._may_fail else NO_FAULTS
+        return MatchRecord(self.running.pop(row), result, faults, n_unreadable, journal)

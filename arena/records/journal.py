@@ -59,9 +59,21 @@ NONCE_BYTES = 16
 _SEAL_BYTES = {b"K": _SEATS_BYTES, b"N": NONCE_BYTES, b"R": 1 + 4 + CHAIN_BYTES + SIGNATURE_BYTES, b"S": SIGNATURE_BYTES}
 
 
+_MAP_KEY, _MATCH_KEY = (msgpack.packb({name: bytes(KEY_BYTES)})[1:-KEY_BYTES] for name in ("map_key", "match_key"))
+
+
 @lru_cache(maxsize=64)
-def _pack_rules(ruleset: Ruleset) -> bytes:
-    return bytes(msgpack.packb({"ruleset": rules_values(ruleset)}))
+def pack_around(ruleset: Ruleset, blue: str, red: str) -> tuple[bytes, bytes]:
+    """Return what stands before and behind the identity in the header of every match of two entries, the keys apart."""
+    before = msgpack.packb({"rules_version": RULES_VERSION, "identity": ""})
+    behind = msgpack.packb({"blue": blue, "red": red, "ruleset": rules_values(ruleset)})
+    return _MAP_OF_7 + before[1:-1], behind[1:]
+
+
+def pack_header(around: tuple[bytes, bytes], identity: str, keys: MatchKeys) -> bytes:
+    """Return a header's bytes, one map; `around` is of `pack_around`."""
+    before, behind = around
+    return b"".join((before, msgpack.packb(identity), behind, _MAP_KEY, keys.map_key, _MATCH_KEY, keys.match_key))
 
 
 class Mark(IntFlag):
@@ -84,11 +96,8 @@ class Header:
     keys: MatchKeys
 
     def pack(self) -> bytes:
-        """Return the header's bytes: one map, whose rules are packed once for all matches."""
-        names = {"rules_version": RULES_VERSION, "identity": self.identity, "blue": self.blue, "red": self.red}
-        keys = {"map_key": self.keys.map_key, "match_key": self.keys.match_key}
-        parts = msgpack.packb(names), _pack_rules(self.ruleset), msgpack.packb(keys)
-        return _MAP_OF_7 + b"".join(part[1:] for part in parts)
+        """Return the header's bytes."""
+        return pack_header(pack_around(self.ruleset, self.blue, self.red), self.identity, self.keys)
 
     @classmethod
     def unpack(cls, data: bytes) -> "Header":
@@ -170,9 +179,13 @@ class Journal:
 
 def write_start(header: Header, ground: bytes, state: bytes) -> tuple[bytes, bytes]:
     """Return the bytes that a journal begins with, and the first link; `ground` and `state` are of the drawn board."""
-    packed = header.pack()
-    chain = link(MAGIC, packed, ground, state)
-    return MAGIC + pack_frame(b"H", packed) + chain, chain
+    return write_packed_start(header.pack(), ground, state)
+
+
+def write_packed_start(header: bytes, ground: bytes, state: bytes) -> tuple[bytes, bytes]:
+    """Return what `write_start` does, from a packed header."""
+    chain = link(MAGIC, header, ground, state)
+    return MAGIC + pack_frame(b"H", header) + chain, chain
 
 
 def write_tick(chain: bytes, orders: bytes, marks: bytes, state: bytes) -> tuple[bytes, bytes]:

@@ -13,7 +13,7 @@ name that is unique in the world (`network_name`).
 import re
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import Self
+from typing import NamedTuple, Self
 
 from arena.game.keys import MatchKeys
 from arena.game.types import Team
@@ -98,8 +98,7 @@ class PitMatchId:
         return cls(pit=pit, is_rated=ladder is not None, number=int(number), blue=blue, red=red)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MatchPlan:
+class MatchPlan(NamedTuple):
     """A match to be played."""
 
     identity: str

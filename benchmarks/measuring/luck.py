@@ -6,7 +6,6 @@ sides of maps it always loses, and which share of the variance of a match's poin
 
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from itertools import product
 
@@ -36,7 +35,7 @@ def play_again(ruleset: Ruleset, fighter: str, opponent: str, n_maps: int, n_rep
     for number, replay in product(range(n_maps), range(n_replays)):
         for plan in plan_pair("luck", CANDIDATE, opponent, number * n_replays + replay, secret):
             map_key = derive_map_key(secret, "luck", number)
-            plans.append(replace(plan, keys=replace(plan.keys, map_key=map_key)))
+            plans.append(plan._replace(keys=plan.keys._replace(map_key=map_key)))
             places[plan.identity] = len(Team) * number + plan.team(CANDIDATE), replay
     points = np.zeros((len(Team) * n_maps, n_replays))
     load = partial(load_entry, {CANDIDATE: fighter, opponent: opponent})

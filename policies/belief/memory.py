@@ -100,10 +100,10 @@ def sight_of(observations: Observations) -> Sight:
 
 @jit(inline=True)
 def find(ground: NDArray[np.int8], seat: int, n_cells: int, code: int) -> int:
-    """Return the first cell that shows `code`, or -1."""
-    is_there = np.uint8(0)
+    """Return the first cell that shows `code`, or -1. What is not cast to a byte, numba makes eight bytes of."""
+    is_there, wanted = np.uint8(0), np.int8(code)
     for cell in range(n_cells):  # without a way out, so that it runs in vector registers: most often there is none
-        is_there |= np.uint8(ground[seat, cell] == code)
+        is_there = np.uint8(is_there | np.uint8(ground[seat, cell] == wanted))
     if is_there:
         for cell in range(n_cells):
             if ground[seat, cell] == code:
@@ -132,7 +132,7 @@ def remember(
     is_new = np.uint8(0)
     for cell in range(n_cells):
         seen, known = sight.ground[seat, cell], ground[seat, cell]
-        is_new |= np.uint8(seen == _OBSTACLE) & np.uint8(known != _OBSTACLE)
+        is_new = np.uint8(is_new | np.uint8((seen == _OBSTACLE) & (known != _OBSTACLE)))
         ground[seat, cell] = known if seen < 0 else seen
     if own_flag[seat] < 0:
         own_flag[seat] = find(sight.ground, seat, n_cells, rules.own_flag)
@@ -147,12 +147,14 @@ def remember(
 def _forward(seat: int, ground: NDArray[np.int8], rules: TeamRules) -> int:
     """Return 1 if the own half seems to be the western one, else -1."""
     west = 0
-    for cell in range(ground.shape[1]):
-        code = ground[seat, cell]
-        is_own, is_enemy = code in (rules.own_half, rules.own_flag), code in (rules.enemy_half, rules.enemy_flag)
-        is_west = 2 * (cell % rules.side) < rules.side
-        if is_own or is_enemy:
-            west += 1 if is_own == is_west else -1
+    for row in range(rules.side):
+        for column in range(rules.side):
+            code = ground[seat, row * rules.side + column]
+            own, enemy = (
+                (code == rules.own_half) | (code == rules.own_flag),
+                (code == rules.enemy_half) | (code == rules.enemy_flag),
+            )
+            west += (int(own) - int(enemy)) * (1 if 2 * column < rules.side else -1)
     return 1 if west > 0 else -1
 
 
