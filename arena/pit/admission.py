@@ -1,12 +1,13 @@
 """Who may play, waits for an opponent, and is seated."""
 
 import math
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from arena.game.ruleset import Ruleset
 from arena.pit.authenticator import PendingRequest
-from arena.pit.effects import Effect
+from arena.pit.effects import Drop, Effect
 from arena.pit.matches import Matches
 from arena.pit.register import Register
 from arena.pit.seating import Pairing, Seating, object_to
@@ -45,6 +46,8 @@ class Admission:
         self._queue: dict[SlotId, QueuedClient] = {}
         self._sessions: dict[Client, tuple[str, float]] = {}
         """The connection of each client whose request was accepted, and when."""
+        self._gone: OrderedDict[str, None] = OrderedDict()
+        """Client processes that went last: what they asked before may be opened after that."""
         self.n_journals: float = math.inf
         """Matches that may begin before more journals can be opened."""
 
@@ -82,6 +85,8 @@ class Admission:
         refusal = object_to(request, self._ruleset, has_versions=has_versions) or self._register.object_to(request)
         if refusal:
             return [pending.reply(Refusal(reason=refusal))]
+        if request.client in self._gone:
+            return [Drop(pending.question)]  # a seat that it were given would never be vacant
         self._register.admit(request)
         slot = SlotId(request.entry, request.client, request.slot)
         self._note_session(slot, pending.session, now_s)
@@ -111,8 +116,15 @@ class Admission:
                 if client in holders or now_s - accepted_at_s < FORGET_WAITING_S
             }
 
+    def welcome(self, client: str) -> None:
+        """Note that a client process is there, and may have been away."""
+        self._gone.pop(client, None)
+
     def lose(self, client: str) -> None:
         """Forget who waited, since its process is gone."""
+        self._gone[client] = None
+        if len(self._gone) > MOST_QUEUED:
+            self._gone.popitem(last=False)
         for slot in [slot for slot in self._queue if slot.client == client]:
             self._forget(slot)
 

@@ -227,6 +227,7 @@ class PitCore:
 
     def _on_presence(self, event: PresenceChanged, now_s: float) -> list[Effect]:
         if event.is_present:
+            self._admission.welcome(event.client)
             if len(self._present) < MOST_QUEUED:
                 self._present.add(event.client)
             return []

@@ -243,6 +243,7 @@ class Player:
         self.opener: Opener
         self.shown: list[bytes] = []
         self._n_read = 0
+        self._is_gone = False
 
     # Admission
 
@@ -251,7 +252,10 @@ class Player:
         return replace(plain, **changes)
 
     def send_request(self, request: Request | None = None, **changes: Any) -> "Player":
-        """Send a sealed request; the pit has still to open it."""
+        """Send a sealed request; the pit has still to open it. Who had vanished is back by that."""
+        if self._is_gone:
+            self._is_gone = False
+            self.pit.do(PresenceChanged(self.client, True))
         self.attempt = Attempt(self.identity, "pit", self.pit.challenge(), request or self.join_request(**changes))
         self.question = self.pit.ask_to_join(self.attempt.sealed)
         return self
@@ -343,6 +347,7 @@ class Player:
         return self.send(sign_receipt(self.identity, self.ticket.match, self.team, len(self.shown), head.digest))
 
     def vanish(self) -> None:
+        self._is_gone = True
         self.pit.do(PresenceChanged(self.client, False))
 
 

@@ -399,6 +399,19 @@ def test_a_client_that_asks_for_a_match_that_is_over_gets_its_ending_and_does_no
     assert pit.lobby().waiting == []
 
 
+def test_who_vanishes_before_its_request_is_opened_takes_no_seat_from_the_next_of_its_entry(pit: OfflinePit) -> None:
+    ann = Player(pit, "ann").send_request()
+    ann.vanish()
+    pit.pass_time()
+    assert ann.answer() is None
+    assert pit.lobby().waiting == []
+
+    bob, again = Player(pit, "bob"), Player(pit, "ann", ann.identity, client="another")
+    assert bob.ask() is None
+    assert isinstance(again.ask(), Ticket)
+    assert isinstance(ann.ask(), Wait | None), "who is back may ask, too"
+
+
 def test_presence_of_a_process_keeps_the_pit_from_being_deserted(pit: OfflinePit) -> None:
     assert pit.core.is_deserted
     pit.do(PresenceChanged("c", True))

@@ -53,8 +53,8 @@ def test_a_commitment_is_sha256_of_label_match_and_both_keys() -> None:
     ("match", "keys"),
     [
         ("m2", KEYS),
-        ("m1", replace(KEYS, map_key=bytes(32))),
-        ("m1", replace(KEYS, match_key=bytes(32))),
+        ("m1", KEYS._replace(map_key=bytes(32))),
+        ("m1", KEYS._replace(match_key=bytes(32))),
         ("m1", MatchKeys(map_key=KEYS.match_key, match_key=KEYS.map_key)),
     ],
 )

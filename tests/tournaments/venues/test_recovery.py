@@ -158,11 +158,11 @@ def test_a_journal_that_is_not_the_plans_is_no_result(what: str, tmp_path: Path,
     list(play_local(setting, [plan]))
     path = setting.journals / journal_name(plan.identity)
     if what == "keys":
-        plan = replace(plan, keys=PLANS[1].keys)
+        plan = plan._replace(keys=PLANS[1].keys)
     elif what == "rules":
         rules = RULES.with_({"tick_limit": 13})
     elif what == "colours":
-        plan = replace(plan, blue=plan.red, red=plan.blue)
+        plan = plan._replace(blue=plan.red, red=plan.blue)
     else:
         journal, data = read_journal(path.read_bytes()), bytearray(path.read_bytes())
         at = data.index(journal.ticks[0].chain) - len(journal.ticks[0].orders) - len(Team)
