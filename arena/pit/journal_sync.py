@@ -51,7 +51,8 @@ class JournalSync:
     def __init__(self, gate: Gate, wake: Callable[[], None]) -> None:
         self._gate, self._wake = gate, wake
         self._written: SimpleQueue[JournalFile | None] = SimpleQueue()
-        self._error: ArenaError | None = None
+        self.error: ArenaError | None = None
+        """What has gone wrong: then nothing more will stand."""
         self._thread = Thread(target=self._run, name="journal sync", daemon=True)
         self._thread.start()
 
@@ -59,11 +60,6 @@ class JournalSync:
         """Note that a journal was appended to."""
         self._gate.n_written += 1
         self._written.put(journal)
-
-    def check(self) -> None:
-        """Raise what has gone wrong: then nothing more will stand."""
-        if self._error is not None:
-            raise self._error
 
     def close(self) -> None:
         """End the thread, after what was noted."""
@@ -82,7 +78,7 @@ class JournalSync:
             try:
                 sync_journals({journal.path for journal in journals})
             except ArenaError as error:
-                self._error = error
+                self.error = error
                 self._wake()
                 return
             self._gate.n_standing += len(journals)

@@ -166,8 +166,9 @@ class MatchLoop:
 
     def _release(self) -> None:
         """Do what waited for records that stand now."""
-        if self._sync is not None:
-            self._sync.check()
+        if self._sync is not None and (error := self._sync.error) is not None:
+            self._has_failed = True
+            raise error
         if self._gate is not None:
             self._gate.release()
 

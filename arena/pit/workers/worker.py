@@ -114,7 +114,7 @@ def _end_with_pit() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-def end_at_once() -> None:
+def _end_at_once() -> None:
     """End this process from a thread: its loop may wait for what never comes, and its journals are whole at any time."""
     os.kill(os.getpid(), signal.SIGKILL)
 
@@ -175,7 +175,7 @@ class WorkerLoop(MatchLoop):
             try:
                 self._send(report)
             except OSError:
-                end_at_once()  # the pit is gone
+                _end_at_once()  # the pit is gone
 
     def _send(self, report: Report) -> None:
         self._pipe.send(report)
@@ -190,12 +190,12 @@ class WorkerLoop(MatchLoop):
                 if self._pipe.poll(_LISTEN_S):
                     self._hear(self._pipe.recv())
             except (EOFError, OSError):
-                end_at_once()  # the pit is gone
+                _end_at_once()  # the pit is gone
             if time.monotonic() - checked_at_s > _LISTEN_S:
                 checked_at_s = time.monotonic()
                 if not self._has_router():
                     logger.warning("a worker has lost the router, and ends")
-                    end_at_once()
+                    _end_at_once()
 
     def _has_router(self) -> bool:
         return self._session.is_connected()
