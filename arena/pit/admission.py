@@ -46,8 +46,8 @@ class Admission:
         self._queue: dict[SlotId, QueuedClient] = {}
         self._sessions: dict[Client, tuple[str, float]] = {}
         """The connection of each client whose request was accepted, and when."""
-        self._gone: OrderedDict[str, None] = OrderedDict()
-        """Client processes that went last: what they asked before may be opened after that."""
+        self._gone: OrderedDict[str, float] = OrderedDict()
+        """When client processes went, the last ones: what they had asked before may be opened after that."""
         self.n_journals: float = math.inf
         """Matches that may begin before more journals can be opened."""
 
@@ -85,7 +85,7 @@ class Admission:
         refusal = object_to(request, self._ruleset, has_versions=has_versions) or self._register.object_to(request)
         if refusal:
             return [pending.reply(Refusal(reason=refusal))]
-        if request.client in self._gone:
+        if pending.asked_at_s <= self._gone.get(request.client, -math.inf):
             return [Drop(pending.question)]  # a seat that it were given would never be vacant
         self._register.admit(request)
         slot = SlotId(request.entry, request.client, request.slot)
@@ -120,9 +120,9 @@ class Admission:
         """Note that a client process is there, and may have been away."""
         self._gone.pop(client, None)
 
-    def lose(self, client: str) -> None:
+    def lose(self, client: str, now_s: float) -> None:
         """Forget who waited, since its process is gone."""
-        self._gone[client] = None
+        self._gone[client] = now_s
         if len(self._gone) > MOST_QUEUED:
             self._gone.popitem(last=False)
         for slot in [slot for slot in self._queue if slot.client == client]:

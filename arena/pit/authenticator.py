@@ -26,6 +26,8 @@ class PendingRequest:
     question: QuestionId
     session: str = ""
     """The connection that it says to come from."""
+    asked_at_s: float = 0.0
+    """When it came, by the clock of the pit's core."""
 
     def reply(self, message: Message) -> Effect:
         """Answer; a request whose key nothing can be sealed to gets no answer."""

@@ -82,7 +82,7 @@ class PitCore:
             raise ValueError("a board may be shown with a delay only where its map is never played again")
         self._context, self._ruleset, self._seating, self._register = context, ruleset, seating, register
         self._authenticator = Authenticator(context.pit, context.identity)
-        self._requests: RationedQueue[JoinAsked] = RationedQueue(share=_SHARE)
+        self._requests: RationedQueue[tuple[JoinAsked, float]] = RationedQueue(share=_SHARE)
         make_sessions = partial(self._hire, n_workers) if n_workers else partial(MatchSessions, context, time_control)
         self._remote: RemoteSessions | None = None
         """Where matches are refereed by workers."""
@@ -193,7 +193,7 @@ class PitCore:
             return [Reply(event.question, self._authenticator.challenge(now_s))]
         if not isinstance(message, SealedRequest):
             return [Reply(event.question, encode(Refusal(reason="this is no request for a seat")))]
-        return [] if self._requests.put(event) else [Drop(event.question)]
+        return [] if self._requests.put((event, now_s)) else [Drop(event.question)]
 
     def _on_request_turn(self, event: RequestTurn, now_s: float) -> list[Effect]:
         queue = self._next_queue()
@@ -202,13 +202,13 @@ class PitCore:
         self._taken_last = queue
         if queue is not self._requests:
             return [queue.take()]
-        asked = self._requests.take()
+        asked, asked_at_s = self._requests.take()
         try:
             caller = self._authenticator.open(asked.payload, now_s)
         except ProtocolError as error:
             self.n_refused += 1
             return [Reply(asked.question, encode(Refusal(reason=str(error))))]
-        pending = PendingRequest(caller, asked.question, asked.session)
+        pending = PendingRequest(caller, asked.question, asked.session, asked_at_s)
         if isinstance(caller.request, AdminRequest):
             answer, effects = self._operator.obey(caller.request, now_s)
             return [*effects, pending.reply(answer)]
@@ -232,7 +232,7 @@ class PitCore:
                 self._present.add(event.client)
             return []
         self._present.discard(event.client)
-        self._admission.lose(event.client)
+        self._admission.lose(event.client, now_s)
         return self._matches.lose(event.client, now_s)
 
     def _on_lobby(self, event: LobbyAsked, now_s: float) -> list[Effect]:
