@@ -80,7 +80,7 @@ class JournalFile:
     """A journal that is being written. Whatever cannot be written raises `ArenaError`."""
 
     def __init__(self, path: Path, n_bytes: int, *, among: OpenJournals | None = None) -> None:
-        self._path, self._name = path, path
+        self.path, self._name = path, path
         self._open = OpenJournals() if among is None else among
         self._is_to_be_named = False
         try:
@@ -89,11 +89,6 @@ class JournalFile:
         except OSError as error:
             raise failure_of(error) from error
 
-    @property
-    def path(self) -> Path:
-        """Where it is by now."""
-        return self._path
-
     def rename_when_written(self, name: Path) -> None:
         """Take another name with the first bytes that are appended; without any, `close` removes the file."""
         self._name, self._is_to_be_named = name, True
@@ -101,11 +96,11 @@ class JournalFile:
     def append(self, data: bytes) -> None:
         """Hand bytes to the system, all or nothing."""
         try:
-            descriptor = self._open.find(self._number, self._path)
+            descriptor = self._open.find(self._number, self.path)
             n_written = os.write(descriptor, data)
             if self._is_to_be_named and n_written == len(data):
                 keep_former(self._name)
-                self._path, self._is_to_be_named = self._path.rename(self._name), False
+                self.path, self._is_to_be_named = self.path.rename(self._name), False
         except OSError as error:
             raise failure_of(error) from error
         if n_written != len(data):
@@ -116,7 +111,7 @@ class JournalFile:
         self._open.close(self._number)
         self._number = _CLOSED
         if self._is_to_be_named:
-            self._path.unlink(missing_ok=True)
+            self.path.unlink(missing_ok=True)
 
 
 def failure_of(error: OSError) -> ArenaError:

@@ -5,7 +5,6 @@ here until the pit has written it. So all that a client ever saw stands in the p
 match goes on elsewhere at its very tick.
 """
 
-import logging
 import os
 import time
 from collections.abc import Callable
@@ -24,8 +23,6 @@ from arena.pit.workers.messages import Order, Piece, Report, Stand, TakeMatch, W
 from arena.pit.workers.worker import NOBODY, WorkerLoop, work_for
 from arena.records.journal import journal_name, whole_part
 
-logger = logging.getLogger(__name__)
-
 _SILENT_S = 20.0
 """A pit that did not wake this worker for so long is taken for lost."""
 
@@ -38,7 +35,7 @@ def work_afar() -> None:
         def make_loop(session: Session, settings: WorkerSettings) -> WorkerLoop:
             _, _, path = settings.endpoint.partition("/")
             Path(path).unlink(missing_ok=True)  # nobody is to connect there any more
-            return FarLoop(session, replace(settings, journals=Path(folder)), pipe)
+            return FarLoop(session, replace(settings, journals=Path(folder), fsync=False), pipe)
 
         work_for(pipe, make_loop)
 
@@ -76,7 +73,7 @@ class FarLoop(WorkerLoop):
 
     def __init__(self, session: Session, settings: WorkerSettings, pipe: _Streams) -> None:
         self._standing = Gate()
-        super().__init__(session, replace(settings, fsync=False), pipe, c_longlong(NOBODY), self._standing)
+        super().__init__(session, settings, pipe, c_longlong(NOBODY), self._standing)
 
     # Threads
 

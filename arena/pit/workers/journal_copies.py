@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from arena.files import keep_former
+from arena.files import keep_former, read_file
 from arena.pit.journal_files import JournalFile, OpenJournals
 from arena.pit.journal_sync import sync_journals
 from arena.pit.workers.messages import Piece, Stand, TakeMatch, Written
@@ -63,7 +63,7 @@ class JournalCopies:
 def read_left(order: TakeMatch, folder: Path) -> bytes | None:
     """Return the journal of a match that is to be taken up, if it was begun; what cannot be read is told as what is not whole."""
     try:
-        return (folder / journal_name(order.new.header.identity)).read_bytes()
+        return read_file(folder / journal_name(order.new.header.identity))
     except FileNotFoundError:
         return None
     except OSError:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
 from arena.errors import InputError
+from arena.network.access import WORKERS_PROTOCOL
 from arena.protocol.topics import MOST_WORKERS
 
 _SSH_ENV = "ARENA_SSH"
@@ -64,8 +65,8 @@ class FarProcess:
     """
 
     def __init__(self, machine: Machine, endpoint: str) -> None:
-        self._machine = machine
-        self.endpoint = f"{endpoint.partition('/')[0]}//tmp/arena-{secrets.token_hex(16)}"
+        # The other machine's own choice of folder is not known yet; what sshd listens at is its user's alone.
+        self.endpoint = f"{WORKERS_PROTOCOL}//tmp/arena-{secrets.token_hex(16)}"
         """Where the pit's router is reached over there."""
         there, here = self.endpoint.partition("/")[2], endpoint.partition("/")[2]
         ours, theirs = socket.socketpair()
