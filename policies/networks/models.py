@@ -16,7 +16,9 @@ from policies.networks.features import FIRST_DISTANCE, N_PLANES, N_SCALARS, ONE
 
 N_ACTIONS = 5
 N_TRUTH_PLANES = 5
-"""Planes of the true state that only the critic sees; see `policies.training.truth`."""
+"""Planes of the true state that only training sees; see `policies.training.truth`."""
+N_ENEMY_PLANES = 2
+"""The first of them: the enemy's units on foot, and in the air."""
 SIGNED_PLANES: tuple[tuple[Code, ...], ...] = ((Code.HIDDEN,), HALVES, UGVS, UAVS, FLAGS, (Code.OBSTACLE,))
 """The codes of each of six planes: the first shows as 1; the second, the enemy's, as -1."""
 _INDEX_LETTERS = 8
@@ -207,6 +209,20 @@ class Judge(nn.Module):
         """Return the value of each seat, float32, shape (n,), of the features of `TeamNetwork.look`."""
         hidden = functional.relu(self.mix(torch.cat([summarise(board), scalars.to(board.dtype)], 1)))
         return cast(Tensor, self.out(hidden)).float().squeeze(1)
+
+
+class Locator(nn.Module):
+    """Where the enemy's units are, seen or not, told from the trunk: an auxiliary task of training, never in a seat."""
+
+    def __init__(self, shape: TeamShape) -> None:
+        super().__init__()
+        self.out = nn.Conv2d(shape.channels, 4 * N_ENEMY_PLANES, 1)
+
+    def forward(self, board: Tensor) -> Tensor:
+        """Return a logit of each cell, float32, shape (n, cells, N_ENEMY_PLANES), of the features of `TeamNetwork.look`."""
+        n, _, half, _ = board.shape
+        cells = self.out(board).float().view(n, 2, 2, N_ENEMY_PLANES, half, half).permute(0, 4, 1, 5, 2, 3)
+        return cast(Tensor, cells.reshape(n, 4 * half * half, N_ENEMY_PLANES))
 
 
 class Critic(nn.Module):

@@ -25,9 +25,9 @@ from arena.errors import ArenaError, InputError
 from arena.game.ruleset import Ruleset, parse_overrides
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Action, Team
-from policies.networks.features import Encoded
+from policies.networks.features import ONE, Encoded
 from policies.networks.learned import choose, infer
-from policies.networks.models import TeamNetwork, TeamShape
+from policies.networks.models import N_ENEMY_PLANES, N_TRUTH_PLANES, TeamNetwork, TeamShape
 from policies.networks.play_settings import MOST_TEMPERATURE, at_temperature
 from policies.networks.precision import precision_of, to_act_in
 from policies.registry import CHECKPOINT, load, shipped
@@ -138,6 +138,7 @@ class Demonstrator:
         self._is_own = self._draw_players(self.seats.n_seats)
         self._begun: list[list[tuple[NDArray[Any], ...]]] = [[] for _ in range(self.seats.n_seats)]
         """What each seat has of its match so far, tick by tick."""
+        self._truth = np.zeros((self.seats.n_seats, ruleset.side, ruleset.side, N_TRUTH_PLANES), np.uint8)
 
     def play_tick(self) -> Iterator[Demonstrations]:
         """Play a tick in every row, and yield the seats whose match has ended."""
@@ -148,7 +149,9 @@ class Demonstrator:
         actions = np.where(self._is_own[:, None], self._act(encoded, seeds), taught)
         self.teacher.hear(actions)
         labels = np.where(encoded.alive, taught, UNKNOWN).astype(np.int8)
-        columns = (encoded.planes, encoded.scalars, encoded.cell.astype(np.int16), encoded.legal, labels, chances)
+        seats.reveal(self._truth)
+        enemies = self._truth[..., :N_ENEMY_PLANES] // ONE
+        columns = (encoded.planes, encoded.scalars, encoded.cell.astype(np.int16), encoded.legal, labels, chances, enemies)
         for seat, ticks in enumerate(self._begun):
             ticks.append(tuple(column[seat].copy() for column in columns))
         turn = seats.step(seen, actions, Results())

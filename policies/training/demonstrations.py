@@ -21,7 +21,7 @@ from arena.game.ruleset import Ruleset, load
 from policies.networks.checkpoint import write_whole
 from policies.networks.features import FEATURES_VERSION, UPSIDE_DOWN
 
-FORMAT = 1
+FORMAT = 2
 """Rises whenever a folder of the old kind can no longer be read."""
 UNKNOWN = -1
 """The label of a unit that is not alive."""
@@ -46,6 +46,8 @@ class Demonstrations(NamedTuple):
     """Shape (n, units): what the teacher ordered, or `UNKNOWN`."""
     chances: NDArray[np.uint8]
     """Shape (n, units, actions): the chances that it gave each action, in parts of `CERTAIN`."""
+    enemies: NDArray[np.uint8]
+    """Shape (n, side, side, N_ENEMY_PLANES): how many of the enemy's units truly stood there, whether seen or not."""
     outcome: NDArray[np.float32]
     """Shape (n,): 1 where the seat's match was won, -1 where it was lost."""
 
@@ -65,6 +67,7 @@ def mirrored(samples: Demonstrations, which: NDArray[np.bool_]) -> Demonstration
         legal=samples.legal[..., UPSIDE_DOWN],
         labels=np.where(samples.labels == UNKNOWN, UNKNOWN, UPSIDE_DOWN[samples.labels]).astype(np.int8),
         chances=samples.chances[..., UPSIDE_DOWN],
+        enemies=samples.enemies[:, ::-1],
     )
     both: list[tuple[NDArray[Any], NDArray[Any]]] = list(zip(samples, turned, strict=True))
     return Demonstrations(*(np.where(which.reshape(-1, *[1] * (one.ndim - 1)), other, one) for one, other in both))

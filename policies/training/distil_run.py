@@ -22,7 +22,7 @@ from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from policies.networks.checkpoint import describe, save_checkpoint
 from policies.networks.learned import CHUNK
-from policies.networks.models import Judge, TeamNetwork, TeamShape, channels_last
+from policies.networks.models import Judge, Locator, TeamNetwork, TeamShape, channels_last
 from policies.networks.precision import autocast, precision_of
 from policies.training.demonstrations import CERTAIN, DemonstrationFolder, Demonstrations, join, mirrored, read
 from policies.training.distil_settings import DistilSettings
@@ -41,7 +41,9 @@ not seen; the same ones, however many files come after."""
 _WARMUP = 50
 """Steps in which the rate rises."""
 _LEAST_RATE = 0.01
-_METRICS = ("loss", "agreed", "value_loss", "norm", "unseen_loss", "unseen_agreed", "unseen_value_loss", "rate")
+_ERRORS = ("loss", "agreed", "value_loss", "belief_loss")
+"""What a minibatch tells of the network: cross entropies in nats, the share of orders that are the teacher's, a squared error."""
+_METRICS = (*_ERRORS, "norm", *(f"unseen_{name}" for name in _ERRORS), "rate")
 Rows = NDArray[np.intp]
 Batch = tuple[Demonstrations, Rows, Ruleset]
 """Samples, the rows of them that are a minibatch, and the ruleset that they are of."""
@@ -92,9 +94,10 @@ class DistilRun(TrainingRun[DistilSettings]):
         if start:
             network = read_start(Path(start), self.ruleset, network)
         self.network, self.judge = channels_last(network.to(self.device)), Judge(network.shape).to(self.device)
+        self.locator = channels_last(Locator(network.shape).to(self.device))
         self.average = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
         """Running average of the weights: what is saved."""
-        self.parameters = [*self.network.parameters(), *self.judge.parameters()]
+        self.parameters = [*self.network.parameters(), *self.judge.parameters(), *self.locator.parameters()]
         self.optimiser = torch.optim.Adam(self.parameters, lr=settings.rate)
         self.counts = Counts()
 
@@ -121,13 +124,14 @@ class DistilRun(TrainingRun[DistilSettings]):
         training = {"method": "distil", "start": self.start, "settings": asdict(self.settings), **asdict(self.counts)}
         save_checkpoint(self.folder.path / LAST, self.average, describe(self.network, self.ruleset, training))
         self.folder.save_state({
-            "network": self.network.state_dict(), "judge": self.judge.state_dict(), "optimiser": self.optimiser.state_dict(),
-            "average": self.average, "counts": asdict(self.counts),
+            "network": self.network.state_dict(), "judge": self.judge.state_dict(), "locator": self.locator.state_dict(),
+            "optimiser": self.optimiser.state_dict(), "average": self.average, "counts": asdict(self.counts),
         })  # fmt: skip
 
     def _restore(self, state: Mapping[str, Any]) -> None:
         self.network.load_state_dict(state["network"])
         self.judge.load_state_dict(state["judge"])
+        self.locator.load_state_dict(state["locator"])
         self.optimiser.load_state_dict(state["optimiser"])
         self.average = {name: tensor.to(self.device) for name, tensor in state["average"].items()}
         self.counts = Counts(**state["counts"])
@@ -142,20 +146,20 @@ class DistilRun(TrainingRun[DistilSettings]):
         order = np.random.default_rng([self.settings.seed, counts.passes]).permutation(len(self._files))
         files = np.array_split(order, self._n_groups)[min(counts.groups, self._n_groups - 1)]
         rng = np.random.default_rng([self.settings.seed, counts.passes, counts.groups])
-        rate, sums = 0.0, torch.zeros(4)
+        rate, sums = 0.0, torch.zeros(len(_ERRORS) + 1)
         batches = [batch for part in self._read_mixed(files, rng) for batch in part]
         for index in rng.permutation(len(batches)):
             samples, rows, ruleset = batches[index]
             rate = self._set_rate()
             sums += self._step(samples, np.array_split(rows, self.processes.n)[self.processes.rank], ruleset)
-        loss, agreed, value_loss, norm = (self.processes.mean(sums) / len(batches)).tolist()
+        means = (self.processes.mean(sums) / len(batches)).tolist()
         unseen = self._judge_unseen(rng)
         counts.groups += 1
         if counts.groups >= self._n_groups:
             counts.passes, counts.groups = counts.passes + 1, 0
         self._note(
             sum(len(rows) for _, rows, _ in batches),
-            dict(zip(_METRICS, (loss, agreed, value_loss, norm, *unseen, rate), strict=True)),
+            dict(zip(_METRICS, (*means, *unseen, rate), strict=True)),
         )
 
     def _read_mixed(self, files: Rows, rng: np.random.Generator) -> Iterator[list[Batch]]:
@@ -178,9 +182,9 @@ class DistilRun(TrainingRun[DistilSettings]):
         return rate
 
     def _step(self, samples: Demonstrations, rows: Rows, ruleset: Ruleset) -> Tensor:
-        """Take a step, if its gradient is sound; return the mean loss, agreement, error of the value, and the norm."""
+        """Take a step, if its gradient is sound; return `_ERRORS`, and the norm."""
         self.optimiser.zero_grad(set_to_none=True)
-        sums = torch.zeros(3, device=self.device)
+        sums = torch.zeros(len(_ERRORS), device=self.device)
         size = CHUNK if self.device.type == "cpu" else max(len(rows), 1)
         for part in np.array_split(rows, max(math.ceil(len(rows) / size), 1)):
             loss, metrics = self._loss(self.network, samples, part, ruleset)
@@ -197,13 +201,13 @@ class DistilRun(TrainingRun[DistilSettings]):
 
     def _loss(self, network: TeamNetwork, samples: Demonstrations, rows: Rows, ruleset: Ruleset) -> tuple[Tensor, Tensor]:
         n_walkers = sum(not unit.flies for unit in ruleset.team(Team.BLUE))
-        planes, scalars, cell, legal, labels, chances, outcome = (
+        planes, scalars, cell, legal, labels, chances, enemies, outcome = (
             torch.from_numpy(column[rows]).to(self.device) for column in samples
         )
         with autocast(self.device.type, self.precision):
             values, board = network.look(planes, scalars)
             logits = network.decide(values, board, cell.long(), legal, n_walkers)
-            value = self.judge(board, scalars)
+            value, places = self.judge(board, scalars), self.locator(board)
         is_known = (labels >= 0).float()
         sure = functional.one_hot(labels.long().clamp_min(0), logits.shape[-1]).float()
         chances = chances.float() / chances.float().sum(-1, keepdim=True).clamp_min(1 / CERTAIN)
@@ -212,16 +216,19 @@ class DistilRun(TrainingRun[DistilSettings]):
         loss = -((target * logits.log_softmax(-1)).sum(-1) * is_known).sum() / n
         agreed = ((logits.argmax(-1) == labels) * is_known).sum() / n
         value_loss = (value - outcome).square().mean()
-        return loss + self.settings.value * value_loss, torch.stack([loss.detach(), agreed, value_loss.detach()])
+        there = enemies.flatten(1, 2).float()
+        belief_loss = -(there * places.log_softmax(1)).sum() / there.sum().clamp_min(1)
+        whole = loss + self.settings.value * value_loss + self.settings.belief * belief_loss
+        return whole, torch.stack([loss.detach(), agreed, value_loss.detach(), belief_loss.detach()])
 
     def _judge_unseen(self, rng: np.random.Generator) -> list[float]:
-        """Return loss, agreement and error of the value with the averaged weights, on some samples that are not learned from."""
+        """Return `_ERRORS` with the averaged weights, on some samples that are not learned from."""
         path, ruleset = self._unseen[self.counts.step % len(self._unseen)]
         samples = read(path)
         rows = rng.permutation(len(samples.outcome))[: self.settings.minibatch]
         averaged = channels_last(TeamNetwork(self.network.shape).to(self.device))
         averaged.load_state_dict(self.average)
-        sums = torch.zeros(3, device=self.device)
+        sums = torch.zeros(len(_ERRORS), device=self.device)
         with torch.inference_mode():
             for part in np.array_split(rows, math.ceil(len(rows) / CHUNK)):
                 sums += self._loss(averaged, samples, part, ruleset)[1] * (len(part) / len(rows))

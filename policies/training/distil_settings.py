@@ -30,6 +30,8 @@ class DistilSettings:
     """Share of the teacher's chances in what is learned; the rest is what it ordered."""
     value: float = 0.2
     """Weight of the error in foretelling the match's end, an auxiliary task."""
+    belief: float = 0.05
+    """Weight of the error in telling where the enemy's units are, seen or not, an auxiliary task."""
     average: float = 0.99
     """Decay of the running average of the weights that is saved, per step of the optimiser."""
 
@@ -42,8 +44,9 @@ class DistilSettings:
                 raise InputError(f"the setting {name} is {getattr(self, name)}; it must be above 0 and below {most:g}")
         if not 0 <= self.soft <= 1:
             raise InputError(f"the setting soft is {self.soft}; it must be a number from 0 to 1")
-        if not 0 <= self.value < math.inf:
-            raise InputError(f"the setting value is {self.value}; it must be a number from 0 on")
+        for name in ("value", "belief"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be a number from 0 on")
         if not self.data:
             raise InputError(
                 "the method distil learns from demonstrations; give a folder by --data, `arena train demonstrate` makes one"

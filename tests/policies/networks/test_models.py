@@ -9,7 +9,7 @@ from arena.game.ruleset import Ruleset, load
 from arena.game.types import Code, Team
 from policies.networks.features import N_PLANES, N_SCALARS, Encoder
 from policies.networks.learned import choose, infer
-from policies.networks.models import N_TRUTH_PLANES, Critic, PaperNetwork, TeamNetwork, TeamShape
+from policies.networks.models import N_ENEMY_PLANES, N_TRUTH_PLANES, Critic, Locator, PaperNetwork, TeamNetwork, TeamShape
 
 PAPER = load("paper")
 SMALL = TeamShape(channels=8, blocks=1, patch=5, local=8, hidden=16)
@@ -171,3 +171,17 @@ def test_the_critic_sees_the_truth() -> None:
 
     assert values.shape == (2,)
     assert values[0] != values[1]
+
+
+def test_the_locator_tells_the_four_cells_of_a_block_apart() -> None:
+    locator = Locator(SMALL)
+    for parameter in locator.parameters():
+        torch.nn.init.zeros_(parameter)
+    board = torch.zeros(1, SMALL.channels, 10, 10)
+    board[0, 0, 2, 3] = 1.0  # rows 4 and 5, columns 6 and 7
+    with torch.no_grad():
+        locator.out.weight[:, 0, 0, 0] = torch.arange(1.0, 1 + 4 * N_ENEMY_PLANES)
+    logits = locator(board).view(20, 20, N_ENEMY_PLANES)
+
+    assert logits[4:6, 6:8].flatten().tolist() == list(range(1, 1 + 4 * N_ENEMY_PLANES))
+    assert logits.count_nonzero() == 4 * N_ENEMY_PLANES

@@ -12,7 +12,7 @@ from small import PAPER, SMALL
 
 from arena.errors import ArenaError, InputError
 from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
-from policies.networks.features import Plane
+from policies.networks.features import ONE, Plane
 from policies.networks.models import PaperTeam, TeamNetwork
 from policies.registry import shipped
 from policies.training.budget import Budget
@@ -63,6 +63,15 @@ def test_what_a_teacher_orders_is_legal_and_each_match_has_one_outcome(data: Dem
         assert all((part == part[0]).all() for part in np.split(one.outcome, begins[1:]))
 
 
+def test_demonstrations_know_where_the_enemies_truly_are_whether_seen_or_not(data: DemonstrationFolder) -> None:
+    samples = read(data.files()[0].path)
+    seen = samples.planes[..., Plane.ENEMY_UGV : Plane.ENEMY_UAV + 1] // ONE
+
+    np.testing.assert_array_equal(samples.enemies[seen > 0], seen[seen > 0])
+    np.testing.assert_array_equal(samples.enemies.sum((1, 2))[samples.scalars[:, 0] == 0], np.tile([4, 2], (6, 1)))
+    assert samples.enemies.sum() > 2 * seen.sum() > 0
+
+
 def test_mirrored_samples_mean_the_same_on_a_board_turned_upside_down(data: DemonstrationFolder) -> None:
     samples = read(data.files()[0].path)
     everything = np.ones(len(samples.outcome), np.bool_)
@@ -74,6 +83,8 @@ def test_mirrored_samples_mean_the_same_on_a_board_turned_upside_down(data: Demo
     assert (turned.labels != samples.labels).any()
     assert np.take_along_axis(turned.legal, np.maximum(turned.labels, 0)[..., None].astype(np.int64), 2)[lives].all()
     assert walkers[lives[:, :4]].all()
+    seen = turned.planes[..., Plane.ENEMY_UGV]
+    np.testing.assert_array_equal(turned.enemies[..., 0][seen > 0], seen[seen > 0] // ONE)
     for one, other in zip(mirrored(turned, everything), samples, strict=True):
         np.testing.assert_array_equal(one, other)
     for one, other in zip(mirrored(samples, ~everything), samples, strict=True):
@@ -125,13 +136,14 @@ def learn(path: Path, data: DemonstrationFolder, stop: Callable[[], bool] = lamb
 def test_learning_from_demonstrations_brings_the_learner_to_agree_with_the_teacher(
     tmp_path: Path, data: DemonstrationFolder
 ) -> None:
-    run = learn(tmp_path / "run", data, passes=10.0, rate=1e-2, average=0.8)
+    run = learn(tmp_path / "run", data, passes=10.0, rate=1e-2, average=0.8, belief=1.0)
     with (run.folder.path / METRICS).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
 
     assert run.progress >= 1
     assert float(rows[-1]["unseen_agreed"]) > max(float(rows[0]["agreed"]), 0.3) + 0.1
     assert float(rows[-1]["value_loss"]) < float(rows[0]["value_loss"])
+    assert float(rows[-1]["unseen_belief_loss"]) < float(rows[0]["unseen_belief_loss"]) - 0.05
     assert load_checkpoint(run.folder.path / LAST).manifest.training["method"] == "distil"
 
 
