@@ -135,7 +135,7 @@ class ReinforceRun(TrainingRun[ReinforceSettings]):
         results = {
             "score": _mean([one.score for _, one in whole]), "won": _mean([one.is_won for _, one in whole]),
             "captures": _mean([one.is_captured for _, one in whole]), "ticks": _mean([one.ticks for _, one in whole]),
-            "seen": _mean([one.seen for _, one in whole]),
+            "seen": _mean([one.seen for _, one in whole]), "blocked": _mean([one.blocked for _, one in whole]),
         }  # fmt: skip
         for name in self.means:
             self.means[name] += _WINDOW * (results[name] - self.means[name])

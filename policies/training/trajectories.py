@@ -4,6 +4,7 @@ Source: paper, Algorithm 1, "Generate trajectory", "Split". Blue learns; planes 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from arena.envs.batched import BatchedEnv
 from arena.game.observation import Observations
-from arena.game.types import Code, Team, Termination
+from arena.game.rules import can_enter, column_after, is_on_board, row_after
+from arena.game.types import Action, Code, Team, Termination
 from arena.policy import BatchPolicy
 from policies.networks.first_person import FirstPerson
 from policies.networks.learned import choose, infer_units
@@ -33,6 +35,8 @@ class Outcome:
     ticks: NDArray[np.int64]
     seen: NDArray[np.float64]
     """Mean share of the board that blue had in sight."""
+    blocked: NDArray[np.float64]
+    """Share of blue's steps that led off the board, or into an obstacle, so that the unit stayed."""
 
 
 class _Side:
@@ -95,7 +99,8 @@ class RoundPlayer:
         ticks: list[Samples] = []
         where: list[NDArray[np.intp]] = []
         scores: list[NDArray[np.int32]] = []
-        length, seen_share = np.zeros(n_games, np.int64), np.zeros(n_games)
+        length, n_steps, n_blocked = np.zeros((3, n_games), np.int64)
+        seen_share = np.zeros(n_games)
         is_won, is_captured, has_run_out = np.zeros((3, n_games), np.bool_)
         while is_playing.any():
             seen = env.observe()
@@ -103,6 +108,9 @@ class RoundPlayer:
             samples, rows = self._decide(network, seen, is_playing, len(ticks), update)
             ticks.append(samples)
             where.append(rows)
+            steps, blocked = self._count_steps()
+            n_steps += is_playing * steps
+            n_blocked += is_playing * blocked
             turn = env.step(self._orders)
             scores.append(np.where(is_playing, turn.score, 0).astype(np.int32))
             ends = is_playing & turn.has_ended
@@ -122,9 +130,22 @@ class RoundPlayer:
             each = standardise(each, np.concatenate(where) * self._orders[Team.BLUE].shape[1] + whole.unit.numpy())
         outcome = Outcome(
             score=stream[length - 1, np.arange(n_games)], is_won=is_won, is_captured=is_captured, ticks=length,
-            seen=seen_share / length,
+            seen=seen_share / length, blocked=n_blocked / np.maximum(n_steps, 1),
         )  # fmt: skip
         return whole._replace(returned=torch.from_numpy(each.astype(np.float32))), outcome
+
+    def _count_steps(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return how many steps blue's units are about to take in each row, and how many of them the ground blocks."""
+        orders: Any = self._orders[Team.BLUE]  # the rules take arrays where they are not compiled
+        state, side = self.env.games.state, self.env.ruleset.side
+        n_units = orders.shape[1]
+        row, column = np.divmod(state.cell[:, :n_units].astype(np.int64), side)
+        row, column = row_after(row, orders), column_after(column, orders)
+        is_there = is_on_board(row, column, side)
+        ground = np.take_along_axis(state.ground, np.where(is_there, row * side + column, 0), 1)
+        flies = np.array([unit.flies for unit in self.env.ruleset.team(Team.BLUE)])
+        is_step = (state.alive[:, :n_units] > 0) & (orders != Action.STAY)
+        return is_step.sum(1), (is_step & ~(is_there & can_enter(ground, flies))).sum(1)
 
     def _decide(
         self, network: PaperTeam | None, seen: dict[Team, Observations], is_playing: NDArray[np.bool_], tick: int, update: int

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import torch
 
-from arena.envs.batched import BatchedEnv
+from arena.envs.batched import BatchedEnv, StepResult
 from arena.errors import ArenaError, InputError, UnknownNameError
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
-from arena.game.types import Team
+from arena.game.types import Action, Code, Team
 from policies.networks import checkpoint
 from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
 from policies.networks.learned import LearnedUnits
@@ -260,6 +260,33 @@ def test_a_round_pays_for_what_ran_out_and_standardises_each_unit_s_returns(tiny
     assert moved.square().sum() == pytest.approx(len(moved), rel=1e-4)
     assert len(moved) == 2 * outcome.ticks[outcome.is_captured].sum()
     assert not standard.returned[plain.returned == 0].any()
+
+
+def test_steps_off_the_board_and_into_obstacles_are_counted(tiny: str) -> None:
+    ruleset = load_rules(tiny)
+    player = stage(ruleset, 12)
+    env, side, step = player.env, ruleset.side, player.env.step
+    n_steps, n_blocked, is_playing = np.zeros(12), np.zeros(12), np.ones(12, bool)
+
+    def watch(orders: dict[Team, np.ndarray]) -> StepResult:
+        for row in np.flatnonzero(is_playing):
+            for cell, order in zip(env.games.state.cell[row, :2].tolist(), orders[Team.BLUE][row], strict=True):
+                down, right = {Action.NORTH: (-1, 0), Action.SOUTH: (1, 0), Action.EAST: (0, 1), Action.WEST: (0, -1)}.get(
+                    Action(order), (0, 0)
+                )
+                there = cell // side + down, cell % side + right
+                is_free = min(there) >= 0 and max(there) < side
+                n_steps[row] += order != Action.STAY
+                n_blocked[row] += not is_free or env.games.state.ground[row, there[0] * side + there[1]] == Code.OBSTACLE
+        turn = step(orders)
+        is_playing[turn.has_ended] = False
+        return turn
+
+    env.step = watch  # type: ignore[method-assign]
+    _, outcome = player.play_round(None, 0)
+
+    assert 0 < n_blocked.sum() < n_steps.sum()
+    np.testing.assert_allclose(outcome.blocked, n_blocked / n_steps)
 
 
 def test_units_act_at_random_where_no_network_plays(tiny: str) -> None:
