@@ -8,10 +8,12 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from copy import deepcopy
 from dataclasses import asdict, dataclass
 from itertools import chain, pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -29,14 +31,14 @@ from policies.training.opponents import BEST, PAST, SELF, Newest, Opponents, Poo
 from policies.training.ppo import Learner, Schedule
 from policies.training.ppo_settings import PpoSettings
 from policies.training.record import Record
-from policies.training.rollout import Actors, LearnerSeats, Results
+from policies.training.rollout import Actors, Experience, LearnerSeats, Results
 from policies.training.start import read_start
 from policies.training.training_run import TrainingRun
 
 CLONE = "clone:"
 _LEARNING = (
     "clone_loss", "agreed", "policy_loss", "value_loss", "entropy", "kl", "clipped", "teacher_kl", "actor_norm", "critic_norm",
-    "explained", "steps", "rate", "played_share",
+    "explained", "steps", "rate", "waited_share",
 )  # fmt: skip
 """Columns of the metrics about learning."""
 RESEAT_EVERY = 64
@@ -58,6 +60,14 @@ class Counts:
     """Time spent training, over all sittings."""
     ppo_seconds: float = 0.0
     sittings: int = 0
+
+
+class Rollout(NamedTuple):
+    """What was played to learn from."""
+
+    rules: str
+    experience: Experience
+    results: Results
 
 
 def schedule(settings: PpoSettings, progress: float, rollouts: int) -> Schedule:
@@ -111,8 +121,10 @@ class PpoRun(TrainingRun[PpoSettings]):
         if self.settings.teacher_kl:
             self.learner.stay_near(self.pool.start)
         self._meet_selves()
-        while not self._agree(should_stop()) and self.progress < 1:
-            self._improve()
+        with ThreadPoolExecutor(1, thread_name_prefix="ahead") as self._player:
+            self._ahead: Future[Rollout] | None = None
+            while not self._agree(should_stop()) and self.progress < 1:
+                self._improve()
         self.save()
         return self.progress >= 1
 
@@ -143,9 +155,9 @@ class PpoRun(TrainingRun[PpoSettings]):
                 actors.groups[group] = LearnerSeats(seats.env, opponents)
         self._meet_selves()
 
-    def _rules_now(self) -> str:
+    def _rules_of(self, step: int) -> str:
         """Return the ruleset whose turn it is: the one that is furthest behind its share."""
-        return next(iter(assign(self.settings.shares(), self.counts.step, 1)))
+        return next(iter(assign(self.settings.shares(), step, 1)))
 
     @property
     def _only(self) -> str | None:
@@ -192,7 +204,7 @@ class PpoRun(TrainingRun[PpoSettings]):
             if self._agree(should_stop()) or self.progress >= 1:
                 return
             part = self.counts.cloned / self.settings.clone_samples
-            rules = self._rules_now()
+            rules = self._rules_of(self.counts.step)
             n, metrics = clone(self.actors[rules], teachers[rules], self.learner, part, self._rng, self._generator)
             self.counts.cloned += n * self.processes.n
             self._note("clone", rules, n, metrics, Results())
@@ -204,28 +216,46 @@ class PpoRun(TrainingRun[PpoSettings]):
         self.save()
 
     def _improve(self) -> None:
-        """Play a rollout, learn from it, and see whether the best self is to be replaced."""
-        rules, results, start_s = self._rules_now(), Results(), time.monotonic()
-        actors = self.actors[rules]
+        """Take a rollout, see whether the best self is to be replaced, and learn, while the next one is played if it may be."""
+        start_s = time.monotonic()
+        rules, experience, results = self._take_rollout()
+        waited_s = time.monotonic() - start_s
         now = schedule(self.settings, self._ppo_progress(), self.counts.rollouts)
-        experience = actors.collect(self.learner.to_act(), self.settings.horizon, results)
-        played_s = time.monotonic() - start_s
-        metrics = self.learner.learn(experience, actors.n_walkers, now, self._generator)
-        metrics |= {"rate": now.rate, "played_share": played_s / (time.monotonic() - start_s)}
         n = experience.reward.numel()
         self.counts.samples += n * self.processes.n
         self.counts.rollouts += 1
+        self._tend_opponents(rules, results)
+        if self.settings.overlap:
+            network = deepcopy(self.learner.to_act())  # as it stands, whatever is learned meanwhile
+            self._ahead = self._player.submit(self._play, self._rules_of(self.counts.step + 1), network)
+        metrics = self.learner.learn(experience, self.actors[rules].n_walkers, now, self._generator)
+        metrics |= {"rate": now.rate, "waited_share": waited_s / (time.monotonic() - start_s)}
+        self._note("ppo", rules, n, metrics, results)
+
+    def _play(self, rules: str, network: TeamNetwork) -> Rollout:
+        results = Results()
+        return Rollout(rules, self.actors[rules].collect(network, self.settings.horizon, results), results)
+
+    def _take_rollout(self) -> Rollout:
+        """Return the rollout that was played while this process learned, or else play one."""
+        if self._ahead is None:
+            return self._play(self._rules_of(self.counts.step), self.learner.to_act())
+        rollout, self._ahead = self._ahead.result(), None
+        return rollout
+
+    def _tend_opponents(self, rules: str, results: Results) -> None:
+        """Count results, and exchange opponents where it is time; nobody may be playing meanwhile."""
         if rules != self.settings.rules:
             results.points = {rules: list(chain(*results.points.values()))}
         for theirs in self.processes.gather((results.points.get(BEST, []), self._past, results.points.get(PAST, []))):
             best, past, against_past = theirs
             self.pool.note_best(best)
             self.pool.note_past(past, against_past)
-        if self.pool.try_gate(self.learner.average) or self.counts.rollouts % 8 == 0:
-            self._meet_selves()
-        self._note("ppo", rules, n, metrics, results)
+        self._note_scores(results)
         if self.settings.priority and self.counts.rollouts % RESEAT_EVERY == 0:
             self._reseat()
+        elif self.pool.try_gate(self.learner.average) or self.counts.rollouts % 8 == 0:
+            self._meet_selves()
 
     def _ppo_progress(self) -> float:
         """How much of what cloning left of the budget is used up."""
@@ -249,10 +279,6 @@ class PpoRun(TrainingRun[PpoSettings]):
         self.counts.seconds += took_s
         if stage == "ppo":
             self.counts.ppo_seconds += took_s
-        for name, points in results.points.items():
-            if points:
-                weight = 1 - (1 - _WINDOW) ** (len(points) / 4)
-                self.scores[name] = (1 - weight) * self.scores.get(name, 0.5) + weight * float(np.mean(points))
         per_s = n * self.processes.n / max(took_s, 1e-9)
         row: dict[str, float | int | str] = {
             STEP: self.counts.step, "stage": stage, "rules": rules, "seconds": self.counts.seconds, "cloned": self.counts.cloned,
@@ -269,6 +295,12 @@ class PpoRun(TrainingRun[PpoSettings]):
         if self._record.is_save_due():
             self.save()
         self._record.report(self.progress, self.counts.seconds, self._describe(stage, per_s, metrics))
+
+    def _note_scores(self, results: Results) -> None:
+        for name, points in results.points.items():
+            if points:
+                weight = 1 - (1 - _WINDOW) ** (len(points) / 4)
+                self.scores[name] = (1 - weight) * self.scores.get(name, 0.5) + weight * float(np.mean(points))
 
     def _describe(self, stage: str, per_s: float, metrics: Mapping[str, float]) -> str:
         newest, low, high = self.newest.interval()

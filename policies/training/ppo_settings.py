@@ -25,6 +25,9 @@ class PpoSettings:
     actors: int = 0
     """Threads of a process that play, each a part of the rows; 0 is one where the network computes on the CPU, and one for each
     processor where it computes on a GPU."""
+    overlap: bool = False
+    """Whether a thread plays the next rollout while this one is learned from, by the policy as it was before: for a GPU. On the
+    CPU alone, processes under torchrun keep all cores busy without it."""
     horizon: int = 32
     """Ticks of a rollout."""
     minibatch: int = 1024

@@ -4,6 +4,8 @@ import csv
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from threading import Semaphore
+from typing import Any
 
 import pytest
 import torch
@@ -13,6 +15,7 @@ from torch import nn
 from arena.errors import ArenaError, InputError
 from arena.game.types import Action
 from policies.networks.checkpoint import load_checkpoint
+from policies.networks.models import TeamNetwork
 from policies.training import opponents, ppo_run
 from policies.training.budget import Budget
 from policies.training.folder import METRICS, START, RunFolder
@@ -130,7 +133,8 @@ def test_a_run_that_goes_on_keeps_the_teacher_that_it_was_cloned_from(tmp_path: 
     cloned = load_checkpoint(folder.path / START).network.state_dict()
     assert second.counts.sittings == 2
     assert second.learner.teacher is not None
-    assert all(torch.equal(one, second.learner.teacher.state_dict()[name]) for name, one in cloned.items())
+    kept = second.learner.teacher.state_dict()  # in bf16, where the processor is fast at that
+    assert all(torch.equal(one.to(kept[name].dtype), kept[name]) for name, one in cloned.items())
     with (folder.path / METRICS).open(encoding="utf-8", newline="") as file:
         told = [row["teacher_kl"] for row in csv.DictReader(file) if row["stage"] == "ppo"]
     assert any(float(one) > 0 for one in told[1:] if one)
@@ -167,6 +171,35 @@ def test_a_run_with_priorities_seats_scripts_anew_by_how_they_fare(
 
     assert rows == ({"random": 4} if priority else {"rush": 2, "random": 2})
     assert len(run.actors["paper"].groups[0].opponents.self_rows) == 4
+
+
+def test_the_next_rollout_is_played_while_one_is_learned_from_if_it_may_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: Semaphore = Semaphore(0)
+    learned: list[bool] = []
+    play, learn = PpoRun._play, Learner.learn
+
+    def note_beginning(run: PpoRun, rules: str, network: TeamNetwork) -> ppo_run.Rollout:
+        begun.release()
+        return play(run, rules, network)
+
+    def learn_once_the_next_is_played(*given: Any) -> dict[str, float]:
+        if not learned:
+            begun.acquire()  # the first, which nobody could play meanwhile
+        learned.append(begun.acquire(timeout=30))
+        return learn(*given)
+
+    monkeypatch.setattr(PpoRun, "_play", note_beginning)
+    monkeypatch.setattr(Learner, "learn", learn_once_the_next_is_played)
+    settings = replace(SETTINGS, overlap=True, opponents={"self": 0.5, "best": 0.5})
+    folder = RunFolder(tmp_path / "run")
+    folder.create({})
+    run = PpoRun(folder, settings, "", Budget(samples=200), Processes(), lambda *_: None)
+
+    assert run.train(lambda: False)
+    assert len(learned) == run.counts.rollouts > 1
+    assert all(learned)
 
 
 def test_a_best_response_meets_one_fighter_alone_and_tells_its_score_with_an_interval(
