@@ -17,4 +17,4 @@ def margin_of(points: ArrayLike, reach: float = 1.0) -> float | None:
     if len(pairs) < 2:
         return None
     spread = float(pairs.std(ddof=1))
-    return Z95 * spread / len(pairs) ** 0.5 if spread else reach * (1 - 0.05 ** (1 / len(pairs)))
+    return Z95 * spread / len(pairs) ** 0.5 if spread else reach * (1 - float(0.05 ** (1 / len(pairs))))
