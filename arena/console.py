@@ -14,10 +14,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import Console
 
 _RATE_AFTER_S = 0.5
 _LINE_EVERY_S = 5.0
+_NO_WIDTH = 10_000
+"""Of what is no terminal, in cells: wider than any table."""
+_LONGEST_WORD = 20
+"""Of a column that must become narrower, in cells: longer ones, such as paths and keys, may be broken."""
+_PADDINGS = ((0, 1, 0, 1), (0, 1, 0, 0), (0, 0, 0, 0))
+"""Of cells in tables: top, right, bottom, left. The first with which all fits, or else with which all words do."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of a table.")]
 """The option that every command which prints a table takes."""
 
@@ -110,38 +116,61 @@ def print_json(value: object) -> None:
 
 
 def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Print a table; numbers stand right. On a terminal it fits the width, elsewhere nothing is cut."""
+    """Print a table; numbers stand right. On a terminal it fits the width, if that breaks no word; elsewhere nothing is cut."""
     from rich.console import Console
 
     console = Console()
-    if not console.is_terminal:
-        console.width = 10_000
-    console.print(_table(columns, rows))
+    _print_table(console, columns, rows, console.width if console.is_terminal else _NO_WIDTH)
 
 
 def format_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return what `print_table` prints where nothing is cut, without colours."""
     from rich.console import Console
 
-    console = Console(file=StringIO(), width=10_000, no_color=True, force_terminal=False)
+    console = Console(file=StringIO(), no_color=True, force_terminal=False)
     with console.capture() as capture:
-        console.print(_table(columns, rows))
+        _print_table(console, columns, rows, _NO_WIDTH)
     return "".join(line.rstrip() + "\n" for line in capture.get().splitlines())
 
 
-def _table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> "Table":
+def _print_table(console: "Console", columns: Sequence[str], rows: Iterable[Sequence[object]], width: int) -> None:
     from rich.box import SIMPLE_HEAD
+    from rich.cells import cell_len
     from rich.table import Table
     from rich.text import Text
 
     values = [list(row) for row in rows]
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    texts = [[clean(_format(value)) for value in row] for row in values]
+    shown = [[column, *(row[index] for row in texts)] for index, column in enumerate(columns)]
+    whole = [max(map(cell_len, cells)) for cells in shown]
+    words = [min(max((cell_len(word) for cell in cells for word in cell.split()), default=0), _LONGEST_WORD) for cells in shown]
+    fitting = (one for needed in (whole, words) for one in _PADDINGS if sum(needed) + _n_between(one, len(shown)) <= width)
+    padding = next(fitting, _PADDINGS[-1])
+    widths = _share_width(whole, words, width - _n_between(padding, len(shown)))
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=padding)
     for index, column in enumerate(columns):
         numbers = all(isinstance(row[index], int | float) and not isinstance(row[index], bool) for row in values)
-        table.add_column(column, justify="right" if numbers else "left", overflow="fold")
-    for row in values:
-        table.add_row(*(Text(clean(_format(value))) for value in row))
-    return table
+        table.add_column(column, justify="right" if numbers else "left", overflow="fold", width=widths[index])
+    for row in texts:
+        table.add_row(*map(Text, row))
+    console.width = max(width, sum(widths) + _n_between(padding, len(shown)))
+    console.print(table)
+
+
+def _n_between(padding: tuple[int, int, int, int], n_columns: int) -> int:
+    """Return how many cells of a line are no column's: those between columns, and one at either end."""
+    return (1 + padding[1] + padding[3]) * (n_columns - 1) + 2
+
+
+def _share_width(whole: Sequence[int], least: Sequence[int], width: int) -> list[int]:
+    """Return the widths of columns: as wide as their longest cells, or the widest narrower, though none than its least."""
+    widths = list(whole)
+    while sum(widths) > width:
+        widest = max(range(len(widths)), key=lambda index: (widths[index] > least[index], widths[index]))
+        if widths[widest] <= least[widest]:
+            break
+        widths[widest] -= 1
+    return widths
 
 
 def _format(value: object) -> str:

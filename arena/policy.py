@@ -98,6 +98,8 @@ class MatchResult:
 
 
 _MOST_ANSWER_LETTERS = 60
+_NOT_IN_ORDER = (dict, set, frozenset)
+"""What yields its keys, or its members in no order: numbers from 0 to 4 there are hardly the orders that were meant."""
 
 
 class Policy(Protocol):
@@ -208,7 +210,9 @@ started. `BatchPolicy` subclasses are factories themselves.
 
 
 def read_actions(answer: Any, n_units: int) -> NDArray[np.int8] | None:
-    """Return an answer of `act` as int8, shape (n_units,), or None if it is not one action per unit."""
+    """Return an answer of `act` as int8, shape (n_units,), or None if it is not one action per unit, in their order."""
+    if isinstance(answer, _NOT_IN_ORDER):
+        return None
     try:
         values = [int(action) if action == int(action) else -1 for action in answer]
     except (TypeError, ValueError, OverflowError):
@@ -220,7 +224,7 @@ def read_actions(answer: Any, n_units: int) -> NDArray[np.int8] | None:
 
 def explain_refusal(answer: Any, n_units: int) -> tuple[str, str]:
     """Return why an answer that `read_actions` refused is none: the kind of mistake, and a sentence's end that tells it."""
-    if isinstance(answer, str | bytes) or not hasattr(answer, "__iter__"):
+    if isinstance(answer, (str, bytes, *_NOT_IN_ORDER)) or not hasattr(answer, "__iter__"):
         return "form", f"{_shorten(answer)} is no list of orders"
     try:
         orders = list(answer)

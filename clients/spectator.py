@@ -134,7 +134,12 @@ _Read = Callable[[Spectator, bytes], Frame | None]
 
 
 def watch(
-    address: Address, authority: Path | None, match: str, trust: Callable[[bytes], None], spectator_key: bytes | None
+    address: Address,
+    authority: Path | None,
+    match: str,
+    trust: Callable[[bytes], None],
+    spectator_key: bytes | None,
+    tell_waiting: Callable[[], None],
 ) -> Iterator[tuple[str, Frame]]:
     """Yield the frames of a match until it ends; of the first that publishes, if none is named.
 
@@ -144,6 +149,8 @@ def watch(
     ----------
     trust
         Raises if the pit whose public key it is given is not the one that was meant.
+    tell_waiting
+        Called once if no match runs yet, before the first is waited for.
 
     Yields
     ------
@@ -165,7 +172,10 @@ def watch(
             session.subscribe(topics.all_truths(address.pit), partial(_enqueue, inbox, Spectator.read_truth))
         else:
             session.subscribe(topics.all_delayed(address.pit), partial(_enqueue, inbox, Spectator.read_past_truth))
-        ruleset = read_rules(_check_running(session, address, pit_key, match).ruleset)
+        lobby = _check_running(session, address, pit_key, match)
+        if not lobby.running:
+            tell_waiting()
+        ruleset = read_rules(lobby.ruleset)
         while True:
             try:
                 read, sample = inbox.get(timeout=_SILENCE_S)

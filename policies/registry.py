@@ -93,6 +93,8 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
         return make_factory(spec, _loaded(_installed()[spec]))
     if spec in NOT_PACKAGED:
         raise PolicyError(NOT_PACKAGED[spec])
+    if Path(spec).is_dir():
+        raise PolicyError(f"{spec} is a folder; name the bot's file in it, as in {Path(spec) / 'bot.py'}")
     raise UnknownNameError("policy", spec, names())
 
 

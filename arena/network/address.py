@@ -4,6 +4,7 @@ By TLS it is `arena+tls://HOST:PORT/PIT`, and by a Unix socket `arena+unix:///PA
 """
 
 import os
+import re
 import socket
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +17,8 @@ from arena.protocol.topics import check_chunk
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 DEFAULT_PIT = "pit"
 _PROTOCOLS = {"arena": "tcp", "arena+tls": "tls", "arena+unix": "unixsock-stream"}
+_ENDPOINTS = ("tcp", "tls", "quic", "unixsock-stream", "ws", "udp")
+"""Protocols of endpoints, as Zenoh calls them."""
 _MOST_SOCKET_BYTES = 107
 """Of the path of a Unix socket, by the system."""
 _LOOPBACK = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
@@ -49,7 +52,7 @@ def parse_address(text: str) -> Address:
     scheme, colon, _ = text.partition("://")
     if not colon or scheme not in _PROTOCOLS:
         protocol, slash, rest = text.partition("/")
-        if not slash or not rest or protocol not in ("tcp", "tls", "quic", "unixsock-stream", "ws", "udp"):
+        if not slash or not rest or protocol not in _ENDPOINTS:
             raise InputError(f"{text!r} is no address; write arena://HOST:PORT/PIT or tcp/HOST:PORT")
         return Address(endpoint=text)
     try:
@@ -81,9 +84,13 @@ def _parse_socket(text: str, parts: SplitResult) -> Address:
 
 
 def check_endpoint(endpoint: str) -> None:
-    """Refuse the path of a Unix socket that the system does not take; `InputError` says what to do."""
+    """Refuse what is no endpoint, and the path of a Unix socket that the system does not take; `InputError` says what to do."""
     protocol, _, path = endpoint.partition("/")
+    if protocol not in _ENDPOINTS:
+        raise InputError(f"{endpoint!r} is no endpoint; write tcp/HOST:PORT")
     if protocol != "unixsock-stream":
+        if not re.fullmatch(r"[^/]+:\d+", path.partition("?")[0].partition("#")[0]):
+            raise InputError(f"{endpoint!r} lacks a host or a port; write {protocol}/HOST:PORT")
         return
     n_bytes = len(os.fsencode(path))
     if n_bytes > _MOST_SOCKET_BYTES:

@@ -143,6 +143,8 @@ def load(path: Path, read: Callable[[bytes], Read], fetch: Callable[[Path], byte
     """Read a file, which `fetch` returns the bytes of; errors name it."""
     try:
         return read(fetch(path))
+    except IsADirectoryError as error:
+        raise InputError(f"{path} is a folder; name one of the files in it") from error
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
     except JournalError as error:

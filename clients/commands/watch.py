@@ -41,8 +41,12 @@ def watch(
     last: Frame | None = None
     names = ("?", "?")
     has_boards = key is not None
+
+    def tell_waiting() -> None:
+        say("no match is running; the next one is waited for", err=True)
+
     with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
-        for chosen, frame in watch(address, authority, match, lambda pit_key: trust(address, pit_key), key):
+        for chosen, frame in watch(address, authority, match, lambda pit_key: trust(address, pit_key), key, tell_waiting):
             names = frame.names or names
             has_boards = has_boards or frame.truth is not None
             if frame.ended is None and (frame.truth is not None or not has_boards):

@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from multiprocessing.connection import wait
 from multiprocessing.synchronize import Event
@@ -33,7 +34,7 @@ from policies.networks.precision import precision_of, to_act_in
 from policies.registry import CHECKPOINT, load, shipped
 from policies.search.planner import MOST_SIDE, Planner
 from policies.training.clone import Teacher, as_legal
-from policies.training.demonstrations import CERTAIN, UNKNOWN, DemonstrationFolder, Demonstrations
+from policies.training.demonstrations import CERTAIN, UNKNOWN, DemonstrationFolder, Demonstrations, LostFolderError
 from policies.training.opponents import BEST, PAST, SELF, Opponents
 from policies.training.record import ReportProgress
 from policies.training.rollout import LearnerSeats, Results
@@ -211,7 +212,7 @@ def demonstrate(
     Raises
     ------
     ArenaError
-        A process has failed.
+        A process has failed, or the folder was deleted meanwhile.
     """
     folder.open_for(asdict(settings), check(settings))
     sitting = sum(file.matches for file in folder.files())
@@ -229,7 +230,11 @@ def demonstrate(
     while running:
         wait([worker.sentinel for worker in running], _LOOK_EVERY_S)
         running = [worker for worker in running if worker.is_alive()]
-        files = folder.files()
+        try:
+            files = folder.files()
+        except LostFolderError:
+            stop.set()
+            raise
         done, samples = sum(file.matches for file in files), sum(file.samples for file in files)
         report(done / n_matches, f"{done:,} matches, {samples:,} samples")
         if should_stop() or any(worker.exitcode for worker in workers):
@@ -244,6 +249,7 @@ def _work(
 ) -> None:  # fmt: skip
     """Be one of the processes; the first one's Ctrl-C is not this one's, and with the first one it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    demonstrate_alone(
-        DemonstrationFolder(path), settings, process, sitting, n_matches, lambda: stop.is_set() or os.getppid() != parent
-    )
+    with suppress(LostFolderError):  # which the first process tells
+        demonstrate_alone(
+            DemonstrationFolder(path), settings, process, sitting, n_matches, lambda: stop.is_set() or os.getppid() != parent
+        )

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.errors import InputError
+from arena.errors import ArenaError, InputError
 from arena.folders import make_folder
 from arena.game.ruleset import Ruleset, load
 from policies.networks.checkpoint import write_whole
@@ -29,6 +29,13 @@ CERTAIN = 255
 """Stands for a chance of 1."""
 _MANIFEST = "demonstrations.json"
 _FILE = re.compile(r"(\d+)-(\d{5,})-(\d+)-(\d+)\.npz")
+
+
+class LostFolderError(InputError):
+    """The folder of demonstrations is not there any more."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"the folder {path} was deleted; the same command begins anew")
 
 
 class Demonstrations(NamedTuple):
@@ -141,12 +148,16 @@ class DemonstrationFolder:
         return ruleset
 
     def files(self) -> list[File]:
-        """Return its files, by process and number."""
-        found = ((path, _FILE.fullmatch(path.name)) for path in self.path.iterdir())
+        """Return its files, by process and number; `LostFolderError` if it was deleted."""
+        try:
+            paths = list(self.path.iterdir())
+        except FileNotFoundError as error:
+            raise LostFolderError(self.path) from error
+        found = ((path, _FILE.fullmatch(path.name)) for path in paths)
         return sorted(File(path, *map(int, name.groups())) for path, name in found if name)
 
     def add(self, process: int, parts: Iterable[Demonstrations]) -> File:
-        """Write a file of matches, all of it or nothing."""
+        """Write a file of matches, all of it or nothing; `LostFolderError` if the folder was deleted."""
         matches = list(parts)
         samples = join(matches)
         number = 1 + max((file.number for file in self.files() if file.process == process), default=0)
@@ -154,7 +165,12 @@ class DemonstrationFolder:
         path = self.path / f"{process}-{number:05d}-{len(matches)}-{n_samples}.npz"
         buffer = io.BytesIO()
         np.savez_compressed(buffer, **samples._asdict())
-        write_whole(path, buffer.getvalue())
+        try:
+            write_whole(path, buffer.getvalue())
+        except ArenaError as error:
+            if not self.path.is_dir():
+                raise LostFolderError(self.path) from error
+            raise
         return File(path, process, number, len(matches), n_samples)
 
 

@@ -2,12 +2,13 @@
 
 import json
 import logging
+import re
 import sys
 from datetime import datetime
 
 import pytest
 
-from arena.console import JsonFormatter, LineFormatter, clean, say, say_lines, set_up_logging, to_json
+from arena.console import JsonFormatter, LineFormatter, clean, print_table, say, say_lines, set_up_logging, to_json
 from arena.errors import InputError
 
 
@@ -96,3 +97,50 @@ def test_a_log_of_json_holds_tracebacks() -> None:
 
 def test_an_error_of_several_sentences_has_a_line_for_each() -> None:
     assert str(InputError("one", "two")) == "one\ntwo"
+
+
+_LEAGUE = ("rank", "entry", "Elo", "95% interval", "score", "wins", "draws", "losses", "p50 ms", "p99 ms")
+_ROWS = [
+    ("1 to 4", "rush", "+110", "+28 to +191", "0.650", 39, 0, 21, "2.2", "541.4"),
+    ("1 to 5", "fighter", "+55", "-21 to +125", "0.575", 34, 1, 25, "2.4", "353.0"),
+]
+
+
+def _print_at(n_columns: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    for name, value in {"FORCE_COLOR": "1", "NO_COLOR": "1", "COLUMNS": str(n_columns)}.items():
+        monkeypatch.setenv(name, value)
+    print_table(_LEAGUE, _ROWS)
+    return [re.sub(r"\x1b\[\d+m", "", line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_the_table_of_a_league_has_a_line_for_each_entry_at_80_columns(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = _print_at(80, monkeypatch, capsys)
+
+    assert [line.split() for line in lines[3:5]] == [" ".join(map(str, row)).split() for row in _ROWS]
+    assert max(map(len, lines)) <= 80
+
+
+@pytest.mark.parametrize("n_columns", [20, 60, 64, 72])
+def test_a_narrow_terminal_breaks_no_word_of_a_table(
+    n_columns: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    printed = " ".join(_print_at(n_columns, monkeypatch, capsys)).split()
+
+    words = {word for row in (_LEAGUE, *_ROWS) for cell in row for word in str(cell).split()}
+    assert words <= set(printed)
+
+
+def test_what_has_no_spaces_is_broken_rather_than_cut(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "40")
+    path = "/folder" * 10
+
+    print_table(("name", "file"), [("me", path)])
+
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines[2:])) <= 40
+    assert "".join(line.removeprefix(" me").strip() for line in lines[3:]) == path

@@ -319,8 +319,8 @@ class Hall:
 def enter(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, list[tuple[str, bytes]]], None]:
     """Let `watch` find a pit where this is said on an expression's keys."""
 
-    def prepare(heard_by: str, said: list[tuple[str, bytes]]) -> None:
-        lobby = SimpleNamespace(ruleset={"name": RULES.name, **to_dict(RULES)}, running=[{"match": MATCH}])
+    def prepare(heard_by: str, said: list[tuple[str, bytes]], running: tuple[str, ...] = (MATCH,)) -> None:
+        lobby = SimpleNamespace(ruleset={"name": RULES.name, **to_dict(RULES)}, running=[{"match": one} for one in running])
         for name, value in {
             "open_client": lambda *_: Hall(heard_by, said),
             "ask_challenge": lambda *_: SimpleNamespace(pit_key=PIT.public),
@@ -345,7 +345,7 @@ def test_one_match_is_watched_from_the_first_word_that_is_the_pit_s_to_its_end(
     enter(topics.all_truths("pit"), said)
     trusted: list[bytes] = []
 
-    watching = watch(Address(), None, match, trusted.append, KEY)
+    watching = watch(Address(), None, match, trusted.append, KEY, lambda: pytest.fail("a match runs"))
     frames = list(islice(watching, len(show.truths)))
 
     assert trusted == [PIT.public]
@@ -357,8 +357,18 @@ def test_facts_of_other_matches_are_not_mixed_in(show: Show, enter: Callable[...
     said = [*facts, (topics.public("pit", "other"), show.public[-1]), (topics.public("pit", MATCH), show.public[-1])]
     enter(topics.all_public("pit"), said)
 
-    frames = list(watch(Address(), None, "", lambda _: None, None))
+    frames = list(watch(Address(), None, "", lambda _: None, None, lambda: None))
 
     assert {at for at, _ in frames} == {MATCH}
     assert [one.tick for _, one in frames] == [*range(len(show.public) - 1), len(show.public) - 1]
+    assert frames[-1][1].ended is not None
+
+
+def test_who_watches_before_a_match_runs_is_told_once_that_it_waits(show: Show, enter: Callable[..., None]) -> None:
+    enter(topics.all_public("pit"), [(topics.public("pit", MATCH), payload) for payload in show.public], running=())
+    told: list[str] = []
+
+    frames = list(watch(Address(), None, "", lambda _: None, None, lambda: told.append("waits")))
+
+    assert told == ["waits"]
     assert frames[-1][1].ended is not None

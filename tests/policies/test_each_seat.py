@@ -8,7 +8,7 @@ import pytest
 from arena.game.observation import Observation
 from arena.game.ruleset import load
 from arena.game.types import Team, Termination
-from arena.policy import MatchInfo, MatchResult, read_actions
+from arena.policy import MatchInfo, MatchResult, explain_refusal, read_actions
 from policies.each_seat import EachSeat, WithoutMemory
 
 PAPER = load("paper")
@@ -174,6 +174,8 @@ def test_any_sequence_of_actions_is_read(answer: Any) -> None:
         [None, 1],
         [[1], [2]],
         {},
+        {0: 2, 1: 3},
+        {0, 1},
         np.array(1),
         [1j, 0],
         [2**70, 0],
@@ -183,3 +185,8 @@ def test_any_sequence_of_actions_is_read(answer: Any) -> None:
 )
 def test_what_is_not_one_action_per_unit_is_refused(answer: Any) -> None:
     assert read_actions(answer, 2) is None
+
+
+def test_orders_by_unit_are_no_list_of_orders() -> None:
+    """The keys would be read as the orders."""
+    assert explain_refusal({0: 2, 1: 3}, 2) == ("form", "{0: 2, 1: 3} is no list of orders")

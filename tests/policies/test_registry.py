@@ -25,6 +25,14 @@ def test_an_unknown_name_gets_the_nearest() -> None:
         registry.load("patroll")
 
 
+def test_of_a_folder_the_file_is_to_be_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wolf").mkdir()
+
+    with pytest.raises(PolicyError, match=r"^wolf is a folder; name the bot's file in it, as in wolf/bot\.py$"):
+        registry.load("wolf")
+
+
 def test_a_file_is_a_fighter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "path", list(sys.path))
     file = tmp_path / "mine.py"

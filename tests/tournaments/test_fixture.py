@@ -155,10 +155,22 @@ def test_both_sides_count_alike(legs: list[tuple[Team | None, Team | None]]) -> 
 
 
 def test_the_interval_is_over_pairs() -> None:
-    """Ten maps that blue always wins say nothing about who is better, and say so surely."""
-    split = tally("a", "b", [leg for number in range(10) for leg in pair_of(number, Team.BLUE, Team.BLUE)])
+    """A hundred maps that blue always wins say nothing about who is better, and say so nearly as surely as can be."""
+    split = tally("a", "b", [leg for number in range(100) for leg in pair_of(number, Team.BLUE, Team.BLUE)])
 
-    assert (split.score, split.score_low, split.score_high) == (0.5, 0.5, 0.5)
+    assert (split.score, split.score_low, split.score_high) == (
+        0.5,
+        pytest.approx(0.4705, abs=1e-4),
+        pytest.approx(0.5295, abs=1e-4),
+    )
+
+
+@pytest.mark.parametrize(("n_pairs", "low"), [(2, 0.2236), (10, 0.7411), (100, 0.9705)])
+def test_pairs_that_are_all_won_leave_room_for_one_that_is_not(n_pairs: int, low: float) -> None:
+    """With a chance of `low` to win a pair, so many are won in a row in 5% of cases."""
+    won = tally("a", "b", [leg for number in range(n_pairs) for leg in pair_of(number, Team.BLUE, Team.RED)])
+
+    assert (won.score, won.score_low, won.score_high) == (1.0, pytest.approx(low, abs=1e-4), 1.0)
 
 
 def test_one_pair_says_nothing_about_the_interval() -> None:

@@ -248,7 +248,7 @@ class CheckedBot:
             rules=self._ruleset.name,
             opponents=tuple(self._opponents),
             no_wall=no_wall,
-            size_bytes=sum(file.stat().st_size for file in self._files if file.is_file()),
+            size_bytes=sum(file.stat().st_size for file in self._files if file.is_file()) if self._files else None,
             load_s=load_s,
             matches=tuple(f"{match}: {match.ending}" for match in self._matches),
             wins=sum(match.points == 1.0 for match in played),

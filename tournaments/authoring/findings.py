@@ -43,8 +43,8 @@ class Report:
     opponents: tuple[str, ...]
     no_wall: str | None
     """Why it was not checked behind a wall; None if it was."""
-    size_bytes: int
-    """Of its file, or of the files that its command line names."""
+    size_bytes: int | None
+    """Of its file, or of the files that its command line names; None where there is none, as for a fighter that ships."""
     load_s: float | None
     """Until its process was ready; None if it never was."""
     matches: tuple[str, ...] = ()
@@ -70,7 +70,9 @@ class Report:
 
     def describe(self) -> list[str]:
         """Return it as lines."""
-        lines = [f"{self.bot}: {_size(self.size_bytes)}" + ("" if self.load_s is None else f", ready after {self.load_s:.2f} s")]
+        size = [] if self.size_bytes is None else [_size(self.size_bytes)]
+        ready = [] if self.load_s is None else [f"ready after {self.load_s:.2f} s"]
+        lines = [f"{self.bot}: {', '.join(size + ready) or 'never ready'}"]
         lines.append(
             "played behind a wall, under a pit's limits"
             if self.no_wall is None

@@ -217,7 +217,7 @@ def _side_bias(outcomes: Iterable[Outcome]) -> tuple[float, float, float]:
     for outcome in outcomes:
         pairs[LeagueMatchId.parse(outcome.identity).pair_id].append(2 * outcome.result.points(Team.BLUE) - 1)
     leads = np.array([np.mean(games) for _, games in sorted(pairs.items()) if len(games) == 2])
-    bias, margin = (float(leads.mean()) if len(leads) else 0.0), margin_of(leads)
+    bias, margin = (float(leads.mean()) if len(leads) else 0.0), margin_of(leads, reach=2.0)
     if margin is None:
         return bias, -1.0, 1.0
     return bias, max(bias - margin, -1.0), min(bias + margin, 1.0)

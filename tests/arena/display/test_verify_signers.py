@@ -175,7 +175,7 @@ def test_a_bad_file_among_others_is_a_line_and_the_others_are_verified(here: Run
         "pipe": f"cannot read {folder}/pipe.journal: it is a pipe, not a file",
         "zero": f"cannot read {folder}/zero.journal: it is a device, not a file",
         "dangling": f"cannot read {folder}/dangling.journal: No such file or directory",
-        "folder": f"cannot read {folder}/folder.journal: Is a directory",
+        "folder": f"{folder}/folder.journal is a folder; name one of the files in it",
         "sparse": f"cannot read {folder}/sparse.journal: it is larger than 67,108,864 bytes",
     }
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from arena.errors import InputError
-from arena.network.address import DEFAULT_ENDPOINT, DEFAULT_PIT, Address, parse_address
+from arena.network.address import DEFAULT_ENDPOINT, DEFAULT_PIT, Address, check_endpoint, parse_address
 from arena.network.session import Session, open_client, open_router
 from arena.protocol.identity import PUBLIC_BYTES, Identity, to_text
 
@@ -111,6 +111,29 @@ def test_a_pit_at_a_unix_socket_has_an_address_that_is_read_back() -> None:
 def test_a_socket_that_cannot_be_is_one_sentence(path: str, said: str, open_end: Callable[[str], Session]) -> None:
     with pytest.raises(InputError, match=said):
         open_end(f"unixsock-stream/{path}")
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "said"),
+    [
+        ("127.0.0.1:7447", "^'127.0.0.1:7447' is no endpoint; write tcp/HOST:PORT$"),
+        ("7447", "is no endpoint; write tcp/HOST:PORT$"),
+        ("tcp/127.0.0.1", "^'tcp/127.0.0.1' lacks a host or a port; write tcp/HOST:PORT$"),
+        ("tls/:7447", "lacks a host or a port; write tls/HOST:PORT$"),
+        ("tcp/127.0.0.1:http", "lacks a host or a port; write tcp/HOST:PORT$"),
+    ],
+)
+@pytest.mark.parametrize("open_end", [lambda where: open_router(where, "p"), open_client])
+def test_what_is_no_endpoint_is_one_sentence(endpoint: str, said: str, open_end: Callable[[str], Session]) -> None:
+    with pytest.raises(InputError, match=said):
+        open_end(endpoint)
+
+
+@pytest.mark.parametrize(
+    "endpoint", ["tcp/0.0.0.0:7447", "tcp/[::1]:7447", "tls/arena.example.org:443", "tcp/127.0.0.1:0?prio=1#so=1"]
+)
+def test_an_endpoint_with_a_host_and_a_port_is_taken(endpoint: str) -> None:
+    check_endpoint(endpoint)
 
 
 def test_the_longest_path_of_a_socket_is_taken() -> None:

@@ -1,6 +1,7 @@
 """Demonstrations: what a teacher would order in a learner's place, kept in files; and learning from them."""
 
 import csv
+import multiprocessing
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -122,6 +123,23 @@ def test_processes_of_their_own_make_demonstrations_until_they_are_stopped_and_t
     assert folder.files() == kept
     with pytest.raises(InputError, match=r"another value of seed; choose another --out"):
         demonstrate(folder, replace(settings, seed=2), 4, 1, lambda *_: None, lambda: False)
+
+
+def test_a_folder_that_is_deleted_meanwhile_is_one_sentence_and_ends_the_processes(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder = DemonstrationFolder(tmp_path / "data")
+
+    def delete_once_written(share: float, _: str) -> None:
+        if share:
+            folder.path.rename(tmp_path / "away")  # at once, whoever writes there meanwhile
+
+    with pytest.raises(InputError, match=r"^the folder .*/data was deleted; the same command begins anew$"):
+        demonstrate(folder, replace(EASY, file_samples=100), 1_000_000, 1, delete_once_written, lambda: False)
+    for process in multiprocessing.active_children():
+        process.join()
+        assert process.exitcode == 0
+    assert "Traceback" not in capfd.readouterr().err
 
 
 def learn(path: Path, data: DemonstrationFolder, stop: Callable[[], bool] = lambda: False, **settings: float) -> DistilRun:

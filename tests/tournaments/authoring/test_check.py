@@ -71,6 +71,13 @@ def test_a_good_bot_is_accepted_and_its_figures_are_told(examine: Examine) -> No
     assert report.describe()[-1] == "a league would take it"
 
 
+def test_a_fighter_that_ships_has_no_size() -> None:
+    report = check("random", SMALL, opponents=["random"], time_control=PATIENT)
+
+    assert report.size_bytes is None
+    assert report.describe()[0] == f"random: ready after {report.load_s:.2f} s"
+
+
 def test_each_fault_is_told_with_its_tick_and_line_and_a_league_takes_the_bot_all_the_same(tmp_path: Path) -> None:
     (tmp_path / "bot.py").write_text(SEVERAL_FAULTS)
 

@@ -143,7 +143,7 @@ def test_two_files_of_one_name_are_told_apart(here: Run, tmp_path: Path) -> None
     said = done.stdout.splitlines()
 
     assert said[-2] == f"mybot-2 is {tmp_path / 'old' / 'mybot.py'}"
-    assert said[-1].startswith("it is not shown who is better, mybot or mybot-2: mybot scores 0.50 after 2 pairs; ")
+    assert said[-1].startswith("it is not shown who is better, mybot or mybot-2: mybot scores 0.50 +- 0.78 after 2 pairs; ")
 
 
 @pytest.mark.parametrize("arguments", [("--margin", 50), ("--margin", 0, "--until-sure")])

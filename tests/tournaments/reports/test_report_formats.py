@@ -34,13 +34,15 @@ def outcome(one: str, other: str, pair: int, blue: str, winner: Team | None) -> 
     return met(one, other, pair, blue, winner, league="friday", seats=seats, ending=ending)
 
 
-def report(winners: tuple[Team | None, Team | None] = (Team.BLUE, Team.RED), *, findings: tuple[str, ...] = ()) -> Report:
-    """Return a league of three in which `best` meets `_odd_` ten times, and nobody meets `worst`."""
+def report(
+    winners: tuple[Team | None, Team | None] = (Team.BLUE, Team.RED), *, n_pairs: int = 5, findings: tuple[str, ...] = ()
+) -> Report:
+    """Return a league of three in which `best` meets `_odd_` twice for each pair, and nobody meets `worst`."""
     facts = {"ruleset": "paper", "rules": "0", "entries": dict.fromkeys(NAMES, "rush"), "secret": "0"}
-    league = StoredLeague(id=1, name="friday_night", hash="0", n_pairs=5, definition=facts)
+    league = StoredLeague(id=1, name="friday_night", hash="0", n_pairs=n_pairs, definition=facts)
     outcomes = [
         outcome("_odd_", "best", pair, blue, winner)
-        for pair in range(5)
+        for pair in range(n_pairs)
         for blue, winner in zip(("best", "_odd_"), winners, strict=True)
     ]
     return make_report(league, outcomes, n_draws=20, findings=findings)
@@ -89,15 +91,18 @@ def test_every_form_for_people_has_the_same_heads_and_cells(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("winners", "said"),
+    ("winners", "n_pairs", "said"),
     [
-        ((Team.BLUE, Team.RED), []),
-        ((Team.BLUE, Team.BLUE), ["warning: blue is favoured: it takes 100.0% of the points"]),
-        ((Team.RED, None), ["warning: red is favoured: it takes 75.0% of the points"]),
+        ((Team.BLUE, Team.RED), 5, []),
+        ((Team.BLUE, Team.BLUE), 5, ["warning: blue is favoured: it takes 100.0% of the points"]),
+        ((Team.RED, None), 5, []),
+        ((Team.RED, None), 20, ["warning: red is favoured: it takes 75.0% of the points"]),
     ],
 )
-def test_a_favoured_side_is_warned_of(winners: tuple[Team | None, Team | None], said: list[str]) -> None:
-    lines = [line.partition(", and the 95%")[0] for line in summary(report(winners)) if line.startswith("warning")]
+def test_a_favoured_side_is_warned_of(winners: tuple[Team | None, Team | None], n_pairs: int, said: list[str]) -> None:
+    lines = [
+        line.partition(", and the 95%")[0] for line in summary(report(winners, n_pairs=n_pairs)) if line.startswith("warning")
+    ]
 
     assert lines == said
 
