@@ -1,0 +1,24 @@
+"""The threads that Zenoh has in a process: one for sending, and one for all else.
+
+By its own choice it has six: one learns of a message that came, wakes a second, and that one a third, which has nothing to do. In
+a match of two clients, whose threads all sleep between messages, that took a tenth of a turn.
+"""
+
+import os
+
+_ASKED_FOR = "ZENOH_RUNTIME"
+_TOGETHER = "rx: (worker_threads: 1), app: (handover: rx), net: (handover: rx)"
+"""Sending stays apart, for what comes from others must not wait for a peer that does not read."""
+_ACCEPTING = "acc: (handover: rx)"
+
+
+def choose_threads(*, is_encrypted: bool) -> None:
+    """Choose for this process, before its first session; whoever starts it may choose by the environment instead.
+
+    Parameters
+    ----------
+    is_encrypted
+        Whether sessions go by TLS. Who connects is met by another thread then, since a handshake takes it a millisecond.
+    """
+    parts = (_TOGETHER,) if is_encrypted else (_TOGETHER, _ACCEPTING)
+    os.environ.setdefault(_ASKED_FOR, f"({', '.join(parts)})")
