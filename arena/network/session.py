@@ -291,7 +291,8 @@ def open_router(
         check_certificate(certificate)
         settings["transport/link/tls/listen_certificate"] = str(certificate.certificate)
         settings["transport/link/tls/listen_private_key"] = str(certificate.key)
-    choose_threads(is_encrypted=certificate is not None)
+    if not workers_endpoint:
+        choose_threads(is_encrypted=certificate is not None)
     router = _open("router", settings, f"cannot listen at {endpoint}")
     if not endpoint.startswith(_WITHOUT_PEERS):
         router.limit_links(read_peer(endpoint)[1], capacity)

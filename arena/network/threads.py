@@ -1,7 +1,8 @@
-"""The threads that Zenoh has in a process: one for sending, and one for all else.
+"""The threads that Zenoh has in a process: one for sending, and one for all else, where nothing is passed on.
 
 By its own choice it has six: one learns of a message that came, wakes a second, and that one a third, which has nothing to do. In
-a match of two clients, whose threads all sleep between messages, that took a tenth of a turn.
+a match of two clients, whose threads all sleep between messages, that took a tenth of a turn. A router that passes on to workers
+what seats say keeps Zenoh's own choice, for receiving and sending are all that it does.
 """
 
 import os

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -17,7 +18,8 @@ from arena.network.address import free_port
 from arena.network.session import open_client, open_router, read_payload
 
 endpoint, heard = f"tcp/127.0.0.1:{free_port()}", SimpleQueue()
-with open_router(endpoint, "p") as router, open_client(endpoint) as client:
+workers = f"unixsock-stream/{sys.argv[1]}/workers" if len(sys.argv) > 1 else ""
+with open_router(endpoint, "p", workers_endpoint=workers) as router, open_client(endpoint) as client:
     router.subscribe("arena/p/lane/1/blue/action", heard.put)
     put, _ = client.publisher("arena/p/lane/1/blue/action")
     put(b"orders")
@@ -27,10 +29,10 @@ with open_router(endpoint, "p") as router, open_client(endpoint) as client:
 ALL = {"acc", "app", "net", "rx", "tx"}
 
 
-def zenohs_threads(**environment: str) -> set[str]:
-    """Return what the threads of a process with a router and a client are called."""
+def zenohs_threads(workers: Path | None = None, **environment: str) -> set[str]:
+    """Return what the threads of a process with a router and a client are called; `workers` is the folder where those connect."""
     inherited = {name: value for name, value in os.environ.items() if name != "ZENOH_RUNTIME"}
-    command = [sys.executable, "-c", LOOK]
+    command = [sys.executable, "-c", LOOK, *([] if workers is None else [str(workers)])]
     said = subprocess.run(command, env=inherited | environment, capture_output=True, text=True, timeout=60, check=True).stdout
     return set(said.split()) & ALL
 
@@ -43,6 +45,11 @@ def test_one_thread_of_zenohs_sends_and_one_does_all_else() -> None:
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="threads are told by /proc")
 def test_whoever_starts_a_process_may_choose_its_threads() -> None:
     assert "net" in zenohs_threads(ZENOH_RUNTIME="(rx: (worker_threads: 2))")
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="threads are told by /proc")
+def test_a_router_with_workers_keeps_zenohs_own_choice(tmp_path: Path) -> None:
+    assert zenohs_threads(tmp_path) == ALL
 
 
 @pytest.mark.parametrize(("is_encrypted", "shares"), [(True, False), (False, True)])
