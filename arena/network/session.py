@@ -5,7 +5,7 @@ No other module of ours imports `zenoh`. Why each setting is what it is stands b
 
 import json
 from collections.abc import Callable, Iterable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from threading import Event, Thread
 from types import TracebackType
@@ -19,7 +19,7 @@ from arena.network.access import WORKERS_PROTOCOL, Certificate, access_rules, ch
 from arena.network.address import check_endpoint, is_encrypted
 from arena.network.capacity import Capacity, find_capacity
 from arena.network.links import Kept, Links, read_peer
-from arena.network.threads import choose_threads
+from arena.network.threads import chosen_threads
 from arena.protocol.codec import MOST_BYTES
 
 Put = Callable[[bytes], None]
@@ -291,9 +291,8 @@ def open_router(
         check_certificate(certificate)
         settings["transport/link/tls/listen_certificate"] = str(certificate.certificate)
         settings["transport/link/tls/listen_private_key"] = str(certificate.key)
-    if not workers_endpoint:
-        choose_threads(is_encrypted=certificate is not None)
-    router = _open("router", settings, f"cannot listen at {endpoint}")
+    with nullcontext() if workers_endpoint else chosen_threads(is_encrypted=certificate is not None):
+        router = _open("router", settings, f"cannot listen at {endpoint}")
     if not endpoint.startswith(_WITHOUT_PEERS):
         router.limit_links(read_peer(endpoint)[1], capacity)
     return router
@@ -320,8 +319,8 @@ def open_client(endpoint: str, authority: Path | None = None) -> Session:
         check_authority(authority)
         settings["transport/link/tls/root_ca_certificate"] = str(authority)
     stranger = " with a certificate that we trust" if is_encrypted(endpoint) else ""
-    choose_threads(is_encrypted=is_encrypted(endpoint))
-    return _open("client", settings, f"no pit answers at {endpoint}{stranger}")
+    with chosen_threads(is_encrypted=is_encrypted(endpoint)):
+        return _open("client", settings, f"no pit answers at {endpoint}{stranger}")
 
 
 def _open(mode: str, settings: dict[str, Any], failure: str) -> Session:

@@ -6,6 +6,8 @@ what seats say keeps Zenoh's own choice, for receiving and sending are all that 
 """
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 _ASKED_FOR = "ZENOH_RUNTIME"
 _TOGETHER = "rx: (worker_threads: 1), app: (handover: rx), net: (handover: rx)"
@@ -13,13 +15,20 @@ _TOGETHER = "rx: (worker_threads: 1), app: (handover: rx), net: (handover: rx)"
 _ACCEPTING = "acc: (handover: rx)"
 
 
-def choose_threads(*, is_encrypted: bool) -> None:
-    """Choose for this process, before its first session; whoever starts it may choose by the environment instead.
+@contextmanager
+def chosen_threads(*, is_encrypted: bool) -> Iterator[None]:
+    """Choose for this process while its first session opens; whoever starts it may choose by the environment instead.
 
     Parameters
     ----------
     is_encrypted
         Whether sessions go by TLS. Who connects is met by another thread then, since a handshake takes it a millisecond.
     """
-    parts = (_TOGETHER,) if is_encrypted else (_TOGETHER, _ACCEPTING)
-    os.environ.setdefault(_ASKED_FOR, f"({', '.join(parts)})")
+    if _ASKED_FOR in os.environ:
+        yield
+        return
+    os.environ[_ASKED_FOR] = f"({', '.join((_TOGETHER,) if is_encrypted else (_TOGETHER, _ACCEPTING))})"
+    try:
+        yield
+    finally:
+        os.environ.pop(_ASKED_FOR, None)  # not for the processes that this one starts

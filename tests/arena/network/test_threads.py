@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from arena.network.threads import choose_threads
+from arena.network.threads import chosen_threads
 
 LOOK = """
 import sys
@@ -59,6 +59,7 @@ def test_who_connects_by_tls_is_met_by_a_thread_of_its_own(
     environment: dict[str, str] = {}
     monkeypatch.setattr(os, "environ", environment)
 
-    choose_threads(is_encrypted=is_encrypted)
+    with chosen_threads(is_encrypted=is_encrypted):
+        assert ("acc: (handover: rx)" in environment["ZENOH_RUNTIME"]) is shares
 
-    assert ("acc: (handover: rx)" in environment["ZENOH_RUNTIME"]) is shares
+    assert environment == {}, "a process that this one starts chooses for itself"
