@@ -1,6 +1,10 @@
-"""What happens to a client, and what its core wants done about it: the two sides of `ClientCore.receive`."""
+"""What happens to a client, and what its core wants done about it: the two sides of `ClientCore.receive`.
+
+Those that every turn needs are named tuples: they are made in half the time of a frozen dataclass.
+"""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from arena.errors import LostPitError
 from arena.game.types import Team
@@ -31,8 +35,7 @@ class TimePassed:
     """
 
 
-@dataclass(frozen=True, slots=True)
-class MessageReceived:
+class MessageReceived(NamedTuple):
     """A message arrived on the observation key of a slot's seat."""
 
     slot: int
@@ -86,8 +89,7 @@ class CloseSeat:
     slot: int
 
 
-@dataclass(frozen=True, slots=True)
-class Publish:
+class Publish(NamedTuple):
     """Publish on the action key of a slot's seat."""
 
     slot: int

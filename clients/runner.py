@@ -187,8 +187,8 @@ class Runner:
         try:
             if channel is None or channel.collector is None:
                 return self._inbox.get(timeout=TICK_S)()
-            sample = channel.collector.wait()
-            return self._inbox.get_nowait()() if is_heartbeat(sample) else _deliver(0, sample)
+            payload = read_payload(channel.collector.wait())
+            return (events.MessageReceived(0, payload),) if payload else self._inbox.get_nowait()()
         except Empty:
             return ()
 

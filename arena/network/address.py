@@ -83,6 +83,11 @@ def _parse_socket(text: str, parts: SplitResult) -> Address:
     return Address(endpoint=f"unixsock-stream/{path}", pit=check_chunk("the pit's name", pit), fingerprint=parts.fragment)
 
 
+def is_encrypted(endpoint: str) -> bool:
+    """Whether what goes over an endpoint goes by TLS."""
+    return endpoint.startswith(("tls/", "quic/"))
+
+
 def check_endpoint(endpoint: str) -> None:
     """Refuse what is no endpoint, and the path of a Unix socket that the system does not take; `InputError` says what to do."""
     protocol, _, path = endpoint.partition("/")

@@ -5,7 +5,7 @@ No other module of ours imports `zenoh`. Why each setting is what it is stands b
 
 import json
 from collections.abc import Callable, Iterable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from threading import Event, Thread
 from types import TracebackType
@@ -16,9 +16,10 @@ from zenoh.handlers import Callback, RingChannel
 
 from arena.errors import InputError, LostPitError
 from arena.network.access import WORKERS_PROTOCOL, Certificate, access_rules, check_authority, check_certificate
-from arena.network.address import check_endpoint
+from arena.network.address import check_endpoint, is_encrypted
 from arena.network.capacity import Capacity, find_capacity
 from arena.network.links import Kept, Links, read_peer
+from arena.network.threads import chosen_threads
 from arena.protocol.codec import MOST_BYTES
 
 Put = Callable[[bytes], None]
@@ -284,13 +285,14 @@ def open_router(
         "transport/link/rx/max_message_size": _MOST_WIRE_BYTES,
         "access_control": access_rules(pit, for_players=for_players, has_workers=bool(workers_endpoint)),
     }
-    if _is_encrypted(endpoint) != (certificate is not None):
+    if is_encrypted(endpoint) != (certificate is not None):
         raise InputError(f"cannot listen at {endpoint}: tls/ needs a certificate and its key, and tcp/ takes none")
     if certificate is not None:
         check_certificate(certificate)
         settings["transport/link/tls/listen_certificate"] = str(certificate.certificate)
         settings["transport/link/tls/listen_private_key"] = str(certificate.key)
-    router = _open("router", settings, f"cannot listen at {endpoint}")
+    with nullcontext() if workers_endpoint else chosen_threads(is_encrypted=certificate is not None):
+        router = _open("router", settings, f"cannot listen at {endpoint}")
     if not endpoint.startswith(_WITHOUT_PEERS):
         router.limit_links(read_peer(endpoint)[1], capacity)
     return router
@@ -312,16 +314,13 @@ def open_client(endpoint: str, authority: Path | None = None) -> Session:
         "connect/exit_on_failure": True,
     }
     if authority is not None:
-        if not _is_encrypted(endpoint):
+        if not is_encrypted(endpoint):
             raise InputError(f"{endpoint} is not encrypted, so nothing there can be checked with {authority}")
         check_authority(authority)
         settings["transport/link/tls/root_ca_certificate"] = str(authority)
-    stranger = " with a certificate that we trust" if _is_encrypted(endpoint) else ""
-    return _open("client", settings, f"no pit answers at {endpoint}{stranger}")
-
-
-def _is_encrypted(endpoint: str) -> bool:
-    return endpoint.startswith(("tls/", "quic/"))
+    stranger = " with a certificate that we trust" if is_encrypted(endpoint) else ""
+    with chosen_threads(is_encrypted=is_encrypted(endpoint)):
+        return _open("client", settings, f"no pit answers at {endpoint}{stranger}")
 
 
 def _open(mode: str, settings: dict[str, Any], failure: str) -> Session:

@@ -124,7 +124,7 @@ class PitCore:
             The time by one clock that never goes back.
         """
         effects = self._handlers[type(event)](event, now_s)
-        if self._matches.holds_bundles and type(event) not in MORE_MAY_FOLLOW:
+        if type(event) not in MORE_MAY_FOLLOW and self._matches.holds_bundles:
             effects = [*effects, *self._matches.take_bundles(now_s)]
         return [SaveRegister(), *effects] if self._register.is_changed else effects
 

@@ -234,7 +234,7 @@ class MatchLoop:
         return 1 + len(payload) // _LEAST_MESSAGE_BYTES
 
     def _take_actions(self, most: int | None = None) -> bool:
-        """Hand in the actions that have come, and return whether any had.
+        """Hand in the actions that have come, and return whether more may wait.
 
         Not the answers to what follows, or it would never end where all are quick. They came while this thread did something
         else, which no seat is charged for: their clocks stop when the queue was seen empty last, or when this thread left it.
@@ -246,14 +246,17 @@ class MatchLoop:
             if n_since_sent >= _MOST_AT_ONCE:
                 n_since_sent = 0
                 self._send_bundles()
-        if n_taken < most:
+        is_empty = n_taken < most
+        if is_empty:
             self._empty_at_s = self._read_clock()
-        self._send_bundles()
-        return n_taken > 0
+        return self._send_bundles() or not is_empty
 
-    def _send_bundles(self) -> None:
-        if self._core.holds_bundles:
-            self._hand_in(ActionsTaken())
+    def _send_bundles(self) -> bool:
+        """Send what was gathered for clients, and return whether anything was: more may have come meanwhile."""
+        if not self._core.holds_bundles:
+            return False
+        self._hand_in(ActionsTaken())
+        return True
 
     # Effects
 

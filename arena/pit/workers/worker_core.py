@@ -75,7 +75,7 @@ class WorkerCore:
     def receive(self, event: Event, now_s: float) -> list[Effect]:
         """Take an event; return what is to be done."""
         effects = self._take(event, now_s)
-        if self._sessions.holds_bundles and type(event) not in MORE_MAY_FOLLOW:
+        if type(event) not in MORE_MAY_FOLLOW and self._sessions.holds_bundles:
             effects = [*effects, *self._sessions.take_bundles(now_s)]
         return effects
 
