@@ -1,6 +1,7 @@
 """The processes of a pit's workers: started, told, listened to, and replaced when they end.
 
-One whose machine is lost is replaced on another, if there is one that answers; its matches go with it.
+One whose machine is lost is replaced on another, if there is one that answers, and again on its own once that does; its matches
+go with it.
 """
 
 import json
@@ -18,7 +19,8 @@ from typing import Any
 from arena.errors import ArenaError, InputError
 from arena.pit.events import Event, WorkerLost, WorkerReady, WorkerSaid
 from arena.pit.workers.journal_copies import JournalCopies, read_left
-from arena.pit.workers.machines import HERE, FarProcess, Machine
+from arena.pit.workers.lost_machines import LostMachines
+from arena.pit.workers.machines import HERE, MOST_VERSION_BYTES, START_S, FarProcess, Machine
 from arena.pit.workers.messages import Failed, Order, Shut, StopWork, TakeMatch, WorkerSettings, Written
 from arena.pit.workers.worker import NOBODY, describe_version, work
 
@@ -30,14 +32,9 @@ HUNG_S = 10.0
 """A worker tells of itself every second; one that says nothing for so long is replaced."""
 STOP_S = 5.0
 """How long workers may take to leave their matches."""
-_START_S = 120.0
-_MOST_VERSION_BYTES = 1_000
-"""What comes first of a machine whose shell prints something is no version."""
 _FIRST_REST_S, _MOST_REST_S = 0.5, 16.0
 """Before a worker that died young twice in a row, or more often, is replaced."""
 _YOUNG_S = 10.0
-_SHUNNED_S = 30.0
-"""How long a machine is left alone that was lost, while there are others."""
 
 
 class _Place:
@@ -50,7 +47,7 @@ class _Place:
         """Of the journals that it writes, if it is on another machine."""
         self.mark: c_longlong
         self.orders: SimpleQueue[Order | None] = SimpleQueue()
-        self.is_ready, self.is_gone = False, True
+        self.is_ready, self.is_gone, self.is_returning = False, True, False
         self.n_young_deaths = self.n_stillborn = 0
         self.started_at_s = self.heard_at_s = self.start_at_s = 0.0
 
@@ -82,8 +79,7 @@ class WorkerProcesses:
         self._context = multiprocessing.get_context("spawn")
         homes = machines or [HERE] * len(settings)
         self._places = {one.number: _Place(one, home) for one, home in zip(settings, homes, strict=True)}
-        self._lost_at_s = dict.fromkeys(homes, -_SHUNNED_S)
-        """When each machine was lost last."""
+        self._machines = LostMachines(homes, _is_right)
         self._has_opened, self._is_stopping = False, False
         self._looked_at_s = time.monotonic()
 
@@ -101,7 +97,9 @@ class WorkerProcesses:
         self._is_stopping |= isinstance(order, StopWork)
 
     def look(self) -> None:
-        """Replace workers that have ended, and end those that hang; to be called by the thread that called `start`.
+        """Replace workers that have ended, and end those that hang, or whose own machine answers again.
+
+        To be called by the thread that called `start`.
 
         Raises
         ------
@@ -110,6 +108,8 @@ class WorkerProcesses:
         """
         now_s = time.monotonic()
         slept_s, self._looked_at_s = now_s - self._looked_at_s, now_s
+        if not self._is_stopping:
+            self._machines.ask()
         for number, place in self._places.items():
             if slept_s > 1.0:
                 place.heard_at_s = now_s  # this process was stopped itself
@@ -122,6 +122,13 @@ class WorkerProcesses:
                 logger.warning("worker %d has said nothing for %g s; it is replaced", number, HUNG_S)
                 place.heard_at_s = now_s
                 place.process.kill()
+            elif place.is_ready and not self._is_stopping and self._may_return(place):
+                logger.warning("worker %d returns to %s", number, place.home)
+                place.is_returning = True
+                place.process.kill()
+
+    def _may_return(self, place: _Place) -> bool:
+        return place.machine != place.home and not place.is_returning and place.home in self._machines.answering
 
     @property
     def has_ended(self) -> bool:
@@ -140,7 +147,7 @@ class WorkerProcesses:
         number = place.settings.number
         place.mark = self._context.RawValue(c_longlong, NOBODY)
         place.orders = SimpleQueue()
-        place.is_gone = place.is_ready = False
+        place.is_gone = place.is_ready = place.is_returning = False
         place.started_at_s = time.monotonic()
         place.machine = self._choose_machine(place)
         settings = place.settings
@@ -161,14 +168,13 @@ class WorkerProcesses:
 
     def _choose_machine(self, place: _Place) -> Machine:
         """Return where the next worker of a place runs: at home, unless that was lost and another machine was not."""
-        now_s = time.monotonic()
-        answering = [machine for machine, lost_at_s in self._lost_at_s.items() if now_s - lost_at_s >= _SHUNNED_S]
+        answering = self._machines.answering
         if place.home in answering:
             return place.home
         if answering:
             chosen = min(answering, key=[one.machine for one in self._places.values() if not one.is_gone].count)
         else:
-            chosen = min(self._lost_at_s, key=lambda machine: self._lost_at_s[machine])
+            chosen = self._machines.longest_lost
             if chosen == place.home:
                 return chosen
         logger.warning("worker %d goes on: it is started on %s for %s", place.settings.number, chosen, place.home)
@@ -178,9 +184,9 @@ class WorkerProcesses:
         """Hand over all that a worker says, and that it has ended."""
         number, orders = place.settings.number, place.orders
         try:
-            if not pipe.poll(_START_S):
+            if not pipe.poll(START_S):
                 place.process.kill()
-            said = pipe.recv_bytes(_MOST_VERSION_BYTES)
+            said = pipe.recv_bytes(MOST_VERSION_BYTES)
             if said != describe_version():
                 place.process.kill()
                 sentence = describe_difference(number, said, place.machine)
@@ -205,6 +211,7 @@ class WorkerProcesses:
         number, place.heard_at_s = place.settings.number, time.monotonic()
         if not place.is_ready:
             place.is_ready, place.n_stillborn = True, 0
+            self._machines.note_answer(place.machine)
             self._has_opened = self._has_opened or all(one.is_ready for one in self._places.values())
             self._hand_over(lambda: WorkerReady(number))
         if isinstance(report, Failed):
@@ -226,16 +233,17 @@ class WorkerProcesses:
 
     def _note_end(self, place: _Place, *, is_cut_off: bool) -> None:
         now_s, was_ready = time.monotonic(), place.is_ready
-        if is_cut_off and not self._is_stopping:
+        if is_cut_off and not self._is_stopping and not place.is_returning:
             logger.warning("%s is not reached", place.machine)
-            self._lost_at_s[place.machine] = now_s
+            self._machines.note_lost(place.machine)
         place.n_young_deaths = place.n_young_deaths + 1 if now_s - place.started_at_s < _YOUNG_S else 0
         place.n_stillborn += not was_ready
         rest_s = min(_FIRST_REST_S * 2 ** (place.n_young_deaths - 2), _MOST_REST_S) if place.n_young_deaths > 1 else 0.0
         place.start_at_s = now_s + rest_s
         lane = None if place.mark.value == NOBODY else int(place.mark.value)
         if was_ready and not self._is_stopping:
-            self._hand_over(lambda: WorkerLost(place.settings.number, lane, is_cut_off=is_cut_off))
+            is_blameless = is_cut_off or place.is_returning
+            self._hand_over(lambda: WorkerLost(place.settings.number, lane, is_cut_off=is_blameless))
         place.is_ready, place.is_gone = False, True
 
 
@@ -245,6 +253,12 @@ def _tell(orders: "SimpleQueue[Order | None]", pipe: Connection) -> None:
             pipe.send(order)
         except OSError:
             return  # it has ended
+
+
+def _is_right(machine: Machine, said: bytes) -> bool:
+    if said != describe_version():
+        logger.warning("%s", describe_difference(0, said, machine))
+    return said == describe_version()
 
 
 def _fail(reason: str) -> Event:
