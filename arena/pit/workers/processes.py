@@ -79,7 +79,7 @@ class WorkerProcesses:
         self._context = multiprocessing.get_context("spawn")
         homes = machines or [HERE] * len(settings)
         self._places = {one.number: _Place(one, home) for one, home in zip(settings, homes, strict=True)}
-        self._machines = LostMachines(homes, _is_right)
+        self._machines = LostMachines(homes, is_right)
         self._has_opened, self._is_stopping = False, False
         self._looked_at_s = time.monotonic()
 
@@ -255,7 +255,8 @@ def _tell(orders: "SimpleQueue[Order | None]", pipe: Connection) -> None:
             return  # it has ended
 
 
-def _is_right(machine: Machine, said: bytes) -> bool:
+def is_right(machine: Machine, said: bytes) -> bool:
+    """Return whether a worker that says this first is of this version; a sentence is logged if it is not."""
     if said != describe_version():
         logger.warning("%s", describe_difference(0, said, machine))
     return said == describe_version()
