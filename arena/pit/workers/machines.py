@@ -30,9 +30,9 @@ _LOST = 255
 """What `ssh` ends with that lost its machine, or never reached it."""
 _LAST_WORDS_S = 1.0
 """Within which it ends, once its streams are closed."""
-START_S = 120.0
+_START_S = 120.0
 """How long a worker may take to say its version."""
-MOST_VERSION_BYTES = 1_000
+_MOST_VERSION_BYTES = 1_000
 """What comes first of a machine whose shell prints something is no version."""
 
 
@@ -111,15 +111,23 @@ class FarProcess:
 
 def ask(machine: Machine) -> bytes:
     """Return what a worker there says first, and have it end; nothing if the machine does not answer."""
-    asked = FarProcess(machine)
     try:
-        return asked.pipe.recv_bytes(MOST_VERSION_BYTES) if asked.pipe.poll(START_S) else b""
+        asked = FarProcess(machine)
+    except InputError:
+        return b""  # no process can be started here
+    said = hear_first(asked.pipe)
+    asked.pipe.close()
+    asked.kill()
+    asked.join()
+    return said
+
+
+def hear_first(pipe: Connection) -> bytes:
+    """Return what a worker says first; nothing if it does not come as far."""
+    try:
+        return pipe.recv_bytes(_MOST_VERSION_BYTES) if pipe.poll(_START_S) else b""
     except (EOFError, OSError):
         return b""
-    finally:
-        asked.pipe.close()
-        asked.kill()
-        asked.join()
 
 
 def _command(program: str) -> str:
