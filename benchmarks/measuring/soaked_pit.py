@@ -53,7 +53,7 @@ class SoakedPit:
                 "--slots", "2", "--no-audit", "--no-transcripts", "--data", str(ground.folder / "clients"),
             )  # fmt: skip
         kinds = [
-            *self._of_workers(n_workers + n_far_workers),
+            *self._of_workers(n_workers + (self._machine is not None)),
             *of_machine,
             *signals("pit", lambda: [("pit", pit.find(), "")], weight=SELDOM),
             *signals("client", lambda: [(name, one.find(), name) for name, one in self._clients.items()]),
