@@ -23,6 +23,8 @@ class _State:
     """When it was lost, or did not answer, last."""
     is_asked: bool = False
     """Whether an answer is waited for."""
+    refused: bytes = b""
+    """What it said last that was not right."""
 
 
 class LostMachines:
@@ -33,7 +35,7 @@ class LostMachines:
     machines
         All of a pit.
     is_right
-        Whether a worker that says this first, on this machine, could be used.
+        Whether a worker that says this first, on this machine, could be used; it is not asked twice of the same.
     """
 
     def __init__(self, machines: Iterable[Machine], is_right: Callable[[Machine, bytes], bool]) -> None:
@@ -70,10 +72,11 @@ class LostMachines:
     def _ask(self, machine: Machine, state: _State) -> None:
         asked_at_s = time.monotonic()
         said = ask(machine)
-        is_right = bool(said) and self._is_right(machine, said)
+        is_right = bool(said) and said != state.refused and self._is_right(machine, said)
         if is_right and state.since_s < asked_at_s:
             logger.warning("%s answers again", machine)
             self.note_answer(machine)
         elif state.is_lost:
             self.note_lost(machine)
+        state.refused = b"" if is_right else said
         state.is_asked = False

@@ -45,13 +45,14 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Asked:
 
 
 def test_a_machine_that_was_lost_is_used_again_once_a_worker_there_says_the_right_thing(asked: Asked) -> None:
-    machines = LostMachines([HERE, ONE, OTHER], lambda machine, said: said == b"right")
+    judged = list[bytes]()
+    machines = LostMachines([HERE, ONE, OTHER], lambda machine, said: judged.append(said) or said == b"right")
     assert machines.answering == [HERE, ONE, OTHER]
     machines.note_lost(ONE)
     machines.note_lost(OTHER)
 
-    asked.answers[OTHER] = [b"", b"wrong", b"right"]
-    for _ in range(2):
+    asked.answers[OTHER] = [b"", b"wrong", b"wrong", b"right"]
+    for _ in range(3):
         asked.now_s += 20.0
         machines.ask()
         assert machines.answering == [HERE]
@@ -59,6 +60,7 @@ def test_a_machine_that_was_lost_is_used_again_once_a_worker_there_says_the_righ
     machines.ask()
 
     assert machines.answering == [HERE, OTHER]
+    assert judged == [b"wrong", b"right"], "nobody is told the same twice"
     machines.note_answer(ONE)
     assert machines.answering == [HERE, ONE, OTHER]
 
