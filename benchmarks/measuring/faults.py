@@ -119,10 +119,10 @@ class FaultInjector:
         return self._now is None
 
     def excuse(self) -> None:
-        """Take note that there is nothing to play for a moment, whatever fault goes on."""
+        """Take note that there was nothing to play until now, whatever fault goes on."""
         self._is_idle = True
         if self._now is not None:
-            self._now.is_excused = True
+            self._now.is_excused, self._now.grown_at_s = True, time.monotonic()
 
     def _begin(self) -> str:
         kind, which, length = self._drawn

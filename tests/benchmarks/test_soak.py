@@ -185,3 +185,19 @@ def test_a_fault_that_strikes_all_lasts_until_each_match_that_was_played_goes_on
     assert (first.still_s, first.is_stuck) == (12.0, False)
     assert second.is_stuck
     assert len(injector.broken()) == 1
+
+
+def test_nobody_is_waited_for_while_there_is_nothing_to_play(tmp_path: Path, clock: SimpleNamespace) -> None:
+    kind = Kind(name="kill", find=lambda: [Target(name="one", inflict=lambda: None)])
+    injector = FaultInjector("league", journal_watch.JournalWatch(tmp_path), [kind], 1, every_s=0.001)
+
+    for second in range(1, 300):
+        clock.now_s = float(second)
+        if second in (1, 150):
+            with (tmp_path / journal_name("league/a/b")).open("ab") as journal:
+                journal.write(b"tick")
+        if second == 80:
+            injector.excuse()  # it had been played
+        injector.tend(may_begin=second in (1, 160))
+
+    assert [fault.is_stuck for fault in injector.faults] == [False, True]
