@@ -1,65 +1,39 @@
-"""A soak: a pit with a ladder, and a league over the network, while processes, disk, network and database fail at random.
+"""A soak: a pit with a ladder, and a league over the network, while processes, disks, networks, a machine and a database fail.
 
 What a supervisor would start again, this does. At the end everything is counted: a match that is lost or stored twice, a journal
 that does not verify, or memory that grows for ever breaks a promise, and the command ends with exit code 1.
 """
 
 import signal
-import sys
 import tempfile
 import time
-from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from secrets import randbelow
 from typing import Any
 
 from arena.errors import ArenaError
-from arena.jit import cache_root
-from arena.network.address import free_port
-from benchmarks.measuring.audit import audit_ladder, audit_league
-from benchmarks.measuring.faults import FaultInjector, Kind, Target, fill, kill, small_disk, stop
-from benchmarks.measuring.journal_watch import JournalWatch
-from benchmarks.measuring.postgres import Cluster, open_cluster
-from benchmarks.measuring.supervised import RESTART_S, Supervised
-from benchmarks.measuring.trends import Lives, read_cost
+from benchmarks.measuring.soak_ground import Ground
+from benchmarks.measuring.soaked_league import SoakedLeague
+from benchmarks.measuring.soaked_pit import SoakedPit
+from benchmarks.measuring.trends import Growth
 from policies.precompile import precompile
 from policies.registry import load
 
-PIT, LEAGUE = "soak", "soak"
 ENTRIES = {"ann": "patrol", "bob": "rush", "cyd": "roomba", "dan": "random"}
 """Of the pit; each plays through a network of its own."""
-_BOT = """
-import time
-def act(observation):
-    time.sleep(0.05)
-    return [observation.tick // 7 % 5 for unit in observation.units]
-"""
-_RELAY = Path(__file__).parent / "measuring" / "relay.py"
-_FIGHTERS = ("patrol", "slow-a", "slow-b")
-_DELAY_S = 0.01
-"""Of each network, in each direction."""
 _EVERY_S = 4.0
 """Mean time from the end of a fault to the next."""
-_LASTS_S = (0.5, 8.0)
-"""Of what is stopped, cut or full."""
-_SELDOM = 0.2
-"""Weight of what ends a process that is to live long, so that it can be seen whether its memory grows."""
 _POLL_S, _LOOK_S, _SAY_S = 0.2, 2.0, 30.0
 _COME_S, _END_S = 180.0, 300.0
 """How long the first matches may take to come, and the last ones to end."""
-_ROUND_PAIRS = 5
-"""By which the league grows, whenever it has been played."""
-_JUDGED_MIN = 5.0
-"""Of measurement, from which on it is judged whether something grows."""
-MOST_GROWTH = {"memory_kb": 1_000.0, "handles": 0.5, "threads": 0.2}
-"""A minute, of one process. A pit remembers its last 10,000 matches, at some 5 kB each, and plays some 200 a minute here."""
 Progress = Callable[[str], None]
 
 
 def run(progress: Progress, minutes: float = 2.0, seed: int | None = None) -> dict[str, Any]:
-    """A pit and a league while processes, disk, network and database fail at random; whether anything is lost, or grows."""
+    """A pit and a league while processes, disks, networks, a machine and a database fail; whether anything is lost, or grows."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # end all processes, too
     return measure(progress, duration_s=60 * minutes, seed=randbelow(1 << 31) if seed is None else seed)
 
@@ -73,6 +47,7 @@ def measure(
     has_league: bool = True,
     every_s: float = _EVERY_S,
     n_workers: int = 2,
+    n_far_workers: int = 1,
 ) -> dict[str, Any]:
     """Let it soak for a while, and check what came of it."""
     entries = entries or ENTRIES
@@ -80,254 +55,106 @@ def measure(
     for policy in {*entries.values(), "patrol"}:
         precompile(load(policy))  # here, and not in all processes at once
     with tempfile.TemporaryDirectory(prefix="arena-soak-", ignore_cleanup_errors=True) as name, ExitStack() as stack:
-        soak = _Soak(Path(name), stack, duration_s, entries, seed, every_s, n_workers, has_league=has_league)
-        soak.go_on(progress)
+        ground = Ground(Path(name), stack, duration_s)
+        pit = SoakedPit(ground, entries, seed, every_s=every_s, n_workers=n_workers, n_far_workers=n_far_workers)
+        soak = _Soak(ground, pit, SoakedLeague(ground, seed, every_s=every_s) if has_league else None)
+        soak.go_on(duration_s, progress)
         progress("every journal, played again")
-        found = soak.audit()
-        return {"seed": seed, "minutes": round(duration_s / 60, 2), **found}
+        return {"seed": seed, "minutes": round(duration_s / 60, 2), **soak.audit()}
 
 
 class _Soak:
-    """All processes of a soak."""
+    """All that soaks, from its first match to its audit."""
 
-    def __init__(
-        self,
-        folder: Path,
-        stack: ExitStack,
-        duration_s: float,
-        entries: dict[str, str],
-        seed: int,
-        every_s: float,
-        n_workers: int,
-        *,
-        has_league: bool,
-    ) -> None:
-        self._folder, self._stack, self._duration_s = folder, stack, duration_s
-        self._not_drawn: dict[str, str] = {}
-        self._growth: dict[str, dict[str, Lives]] = defaultdict(lambda: defaultdict(Lives))
-        self._n_pairs = 0
-        self._parts: list[Supervised] = []
-        self._injectors: list[FaultInjector] = []
+    def __init__(self, ground: Ground, pit: SoakedPit, league: SoakedLeague | None) -> None:
+        self._ground, self._pit, self._league = ground, pit, league
+        self._soaked: list[SoakedPit | SoakedLeague] = [pit] if league is None else [pit, league]
+        self._growth = Growth()
         self._broken: list[str] = []
-        self._cluster: Cluster | None = None
-        self._open_pit(entries, seed, every_s, n_workers)
-        if has_league:
-            self._open_league(seed, every_s)
-
-    def _disk(self, whose: str) -> Path:
-        disk = self._folder / whose
-        try:
-            self._stack.enter_context(small_disk(disk, 64 + int(self._duration_s / 15)))
-        except ArenaError as error:
-            self._not_drawn[f"full disk of the {whose}"] = str(error)
-        return disk
-
-    def _start(self, name: str, *words: str, is_forever: bool = True, arena: bool = True) -> Supervised:
-        command = [sys.executable, *(["-P", "-c", "from tournaments.cli import main; main()"] if arena else []), *words]
-        environment = {"ARENA_CONFIG": str(self._folder / "config" / name), "NUMBA_CACHE_DIR": str(cache_root())}
-        part = self._stack.enter_context(Supervised(name, command, self._folder, environment, is_forever=is_forever))
-        self._parts.append(part)
-        return part
-
-    def _open_pit(self, entries: dict[str, str], seed: int, every_s: float, n_workers: int) -> None:
-        self._pit_data, port = self._disk("pit"), free_port()
-        self._pit = pit = self._start(
-            "pit", "serve", "--pit", PIT, "--ladder", "--listen", f"tcp/127.0.0.1:{port}", "--data", str(self._pit_data),
-            "--workers", str(n_workers),
-        )  # fmt: skip
-        relays, clients = {}, {}
-        for name, policy in entries.items():
-            between = str(free_port())
-            relays[name] = self._start(f"network-of-{name}", str(_RELAY), between, str(port), str(_DELAY_S), arena=False)
-            clients[name] = self._start(
-                name, "join", f"arena://127.0.0.1:{between}/{PIT}", "--name", name, "--policy", policy, "--forever",
-                "--slots", "2", "--no-audit", "--no-transcripts", "--data", str(self._folder / "clients"),
-            )  # fmt: skip
-        self._clients = clients
-        workers = _signals("worker", lambda: [("worker", [pid], "") for pid in pit.find("spawn_main")], weight=_SELDOM)
-        kinds = [
-            *(workers if n_workers > 1 else ()),
-            *_signals("pit", lambda: [("pit", pit.find(), "")], weight=_SELDOM),
-            *_signals("client", lambda: [(name, one.find(), name) for name, one in clients.items()]),
-            Kind(name="cut network", find=lambda: _targets(kill, [(name, one.find(), name) for name, one in relays.items()])),
-            Kind(
-                name="silent network",
-                find=lambda: _targets(stop, [(name, one.find(), name) for name, one in relays.items()]),
-                lasts_s=_LASTS_S,
-            ),
-            *self._full_disk("pit", self._pit_data),
-        ]
-        self._injectors.append(FaultInjector("pit", JournalWatch(self._pit_data / "journals"), kinds, seed, every_s=every_s))
-
-    def _open_league(self, seed: int, every_s: float) -> None:
-        self._league_data = self._disk("league")
-        self._file = self._folder / f"{LEAGUE}.toml"
-        (self._folder / "slow.py").write_text(_BOT)
-        self._league_seed = seed
-        self._db = str(self._league_data / "arena.db")
-        databases: list[Kind] = []
-        try:
-            self._cluster = cluster = self._stack.enter_context(open_cluster())
-        except ArenaError as error:
-            self._not_drawn |= dict.fromkeys(("kill database", "stop database"), str(error))
-        else:
-            self._db = cluster.make_database()
-            databases = _signals("database", lambda: [("postgresql", cluster.find(), "")])
-        self._add_pairs()
-        self._league = league = self._start(
-            "league", "tournament", "run", str(self._file), "--venue", "network", "--data", str(self._league_data),
-            "--db", self._db, "--json", is_forever=False,
-        )  # fmt: skip
-        kinds = [
-            *_signals("scheduler", lambda: [("scheduler", league.find(), "")], weight=_SELDOM),
-            *_signals("referee", lambda: [("referee", league.find("spawn_main")[:1], "")], weight=_SELDOM),
-            *_signals("client of the league", lambda: [(name, league.find(f"--name {name} ")[:1], name) for name in _FIGHTERS]),
-            *databases,
-            *self._full_disk("league", self._league_data),
-        ]
-        journals = self._league_data / "journals" / LEAGUE
-        self._injectors.append(FaultInjector("league", JournalWatch(journals), kinds, seed, every_s=every_s))
-
-    def _full_disk(self, whose: str, disk: Path) -> list[Kind]:
-        name = f"full disk of the {whose}"
-        target = Target(name=whose, inflict=fill(disk))
-        return [] if name in self._not_drawn else [Kind(name=name, find=lambda: [target], lasts_s=_LASTS_S, weight=_SELDOM)]
-
-    def _add_pairs(self) -> None:
-        self._n_pairs += _ROUND_PAIRS
-        entries = "".join(f'{name} = "{name if name == "patrol" else "slow.py"}"\n' for name in _FIGHTERS)
-        self._file.write_text(
-            f'name = "{LEAGUE}"\npairs = {self._n_pairs}\nseed = {self._league_seed}\nslots = 2\nmaps = "fresh"\n'
-            f'trusted = ["slow-a", "slow-b"]\n[entries]\n{entries}'
-        )
 
     # While it goes on
 
-    def go_on(self, progress: Progress) -> None:
+    def go_on(self, duration_s: float, progress: Progress) -> None:
         """Let everything come, fail for a while, and come to its end."""
         come_by_s = time.monotonic() + _COME_S
-        while not all(injector.watch.seen for injector in self._injectors):
+        while not all(one.injector.watch.seen for one in self._soaked):
             self._tend(progress, may_begin=False)
             if time.monotonic() > come_by_s:
-                said = "; ".join(f"{part.name}: {part.last_words}" for part in self._parts)
+                said = "; ".join(f"{part.name}: {part.last_words}" for part in self._ground.parts)
                 raise ArenaError(f"no match began within {_COME_S:.0f} s; what was said last: {said}")
         begun_s = time.monotonic()
         looked_s = said_s = 0.0
-        while (now_s := time.monotonic()) < begun_s + self._duration_s:
+        while (now_s := time.monotonic()) < begun_s + duration_s:
             self._tend(progress, may_begin=True, at_s=now_s - begun_s)
             if now_s - looked_s >= _LOOK_S:
                 looked_s = now_s
-                self._weigh(now_s)
+                for one in self._soaked:
+                    self._growth.look(one.roles(), now_s)
             if now_s - said_s >= _SAY_S:
                 said_s = now_s
-                progress(f"{now_s - begun_s:.0f} of {self._duration_s:.0f} s, {self._describe()}")
+                progress(f"{now_s - begun_s:.0f} of {duration_s:.0f} s, {self._describe()}")
         self._finish(progress)
 
     def _describe(self) -> str:
-        counted = (
-            f"{len(injector.watch.seen)} matches and {len(injector.faults)} faults in the {injector.name}"
-            for injector in self._injectors
-        )
-        return ", ".join(counted)
+        injectors = [one.injector for one in self._soaked]
+        return ", ".join(f"{len(one.watch.seen)} matches and {len(one.faults)} faults in the {one.name}" for one in injectors)
 
     def _tend(self, progress: Progress, *, may_begin: bool, at_s: float = 0.0, may_grow: bool = True) -> None:
-        for part in self._parts:
+        for part in self._ground.parts:
             part.tend()
-            if part.has_finished and may_grow:
-                self._add_pairs()
-                part.start()
-                self._injectors[-1].excuse()
-        if self._cluster is not None:
-            self._cluster.tend(RESTART_S)
-        for injector in self._injectors:
-            begun = injector.tend(may_begin=may_begin)
+        if self._league is not None:
+            self._league.tend(may_grow=may_grow)
+        for one in self._soaked:
+            begun = one.injector.tend(may_begin=may_begin)
             if begun:
                 progress(f"{at_s:.0f} s: {begun}")
         time.sleep(_POLL_S)
-
-    def _weigh(self, now_s: float) -> None:
-        """Look at what the processes hold that live long."""
-        roles = {
-            "pit": self._pit.find(),
-            "worker": self._pit.find("spawn_main"),
-            "client": [pid for one in self._clients.values() for pid in one.find()],
-        }
-        if len(self._injectors) > 1:
-            family = self._league.family()
-            roles["scheduler"] = self._league.find()
-            roles["referee"] = [pid for pid, command in family.items() if "spawn_main" in command]
-            roles["client of the league"] = [pid for pid, command in family.items() if " --alive " in command]
-        for role, pids in roles.items():
-            for pid in pids:
-                cost = read_cost(pid)
-                if cost is not None:
-                    for what in MOST_GROWTH:
-                        self._growth[role][what].add(pid, now_s, float(getattr(cost, what)))
 
     def _finish(self, progress: Progress) -> None:
         """Let the last fault pass, the league end, and the pit close."""
         progress(f"no more faults; {self._describe()}")
         by_s = time.monotonic() + _END_S
-        league = self._league if len(self._injectors) > 1 else None
-        while not all(injector.is_calm for injector in self._injectors) or (league is not None and not league.has_finished):
+        league = None if self._league is None else self._league.process
+        while not all(one.injector.is_calm for one in self._soaked) or (league is not None and not league.has_finished):
             self._tend(progress, may_begin=False, may_grow=False)
             if time.monotonic() > by_s:
                 self._broken.append(
                     f"{_END_S:.0f} s after the last fault, the league had not ended: {league and league.last_words}"
                 )
                 break
-        while not self._pit.is_running:
+        pit = self._pit.process
+        while not pit.is_running:
             self._tend(progress, may_begin=False, may_grow=False)
-        code = self._pit.finish(60.0)
+        code = pit.finish(60.0)
         if code != 0:
-            self._broken.append(f"the pit ended with exit code {code}: {self._pit.last_words}")
+            self._broken.append(f"the pit ended with exit code {code}: {pit.last_words}")
 
     # Afterwards
 
     def audit(self) -> dict[str, Any]:
         """Return what came of it."""
-        figures: dict[str, Any] = {"store": "sqlite" if self._cluster is None else "sqlite and postgresql"}
-        broken = [*self._broken, *(sentence for injector in self._injectors for sentence in injector.broken())]
-        found = audit_ladder(self._pit_data, PIT, self._injectors[0].watch.seen)
-        figures["pit"], broken = found.figures, [*broken, *found.broken]
-        if len(self._injectors) > 1:
-            if self._cluster is not None:
-                self._cluster.tend(0.0)
-            n_planned = self._n_pairs * 2 * len(_FIGHTERS) * (len(_FIGHTERS) - 1) // 2
-            found = audit_league(self._league_data, self._db, LEAGUE, n_planned, self._injectors[1].watch.seen)
-            figures["league"], broken = found.figures, [*broken, *found.broken]
-        figures["faults"] = {kind: costs for injector in self._injectors for kind, costs in injector.costs().items()}
-        figures["not_drawn"] = self._not_drawn
-        for injector in self._injectors:
+        stores = ["sqlite", *([] if self._league is None else [self._league.store])]
+        figures: dict[str, Any] = {"store": " and ".join(dict.fromkeys(stores))}
+        broken, faults = self._broken, dict[str, Any]()
+        for one in self._soaked:
+            injector, found = one.injector, one.audit()
             in_faults = sum(fault.n_late for fault in injector.faults)
-            figures[injector.name]["late_turns"] = {"in_faults": in_faults, "outside": injector.watch.count_late() - in_faults}
+            late = {"in_faults": in_faults, "outside": injector.watch.count_late() - in_faults}
+            figures[injector.name] = {**found.figures, "late_turns": late}
+            faults |= injector.costs()
+            broken += [*injector.broken(), *found.broken]
+        figures["faults"], figures["not_drawn"] = faults, self._ground.not_drawn
         exits: Counter[str] = Counter()
-        for part in self._parts:
-            exits.update({f"{'client' if part.name in self._clients else part.name} {code}": n for code, n in part.exits.items()})
+        for part in self._ground.parts:
+            exits.update({f"{'client' if self._pit.is_client(part) else part.name} {code}": n for code, n in part.exits.items()})
         figures["exits"] = dict(sorted(exits.items()))
-        figures["growth_per_min"], grown = self._judge_growth()
+        figures["growth_per_min"], grown = self._growth.judge()
         broken += [f"{path.name} tells of a traceback: {said}" for path in self._logs() if (said := _find_traceback(path))]
         return {**figures, "broken": [*broken, *grown]}
 
     def _logs(self) -> list[Path]:
-        return sorted([*self._folder.glob("*.log"), *self._folder.glob("*/journals/**/*.log")])
-
-    def _judge_growth(self) -> tuple[dict[str, Any], list[str]]:
-        figures: dict[str, Any] = {}
-        broken = []
-        for role, found in self._growth.items():
-            for what, most in MOST_GROWTH.items():
-                slope = found[what].slope()
-                if slope is None:
-                    figures.setdefault(role, {})[what] = "too short to tell"
-                    continue
-                figures.setdefault(role, {})[what] = {
-                    "slope": round(slope.per_min, 3), "low": round(slope.low, 3), "high": round(slope.high, 3)
-                }  # fmt: skip
-                figures[role]["minutes"] = round(slope.minutes, 1)
-                if slope.minutes >= _JUDGED_MIN and slope.low > most:
-                    broken.append(f"the {what} of each {role} grow by at least {slope.low:.1f} a minute")
-        return figures, broken
+        folder = self._ground.folder
+        return sorted([*folder.glob("*.log"), *folder.glob("*/journals/**/*.log")])
 
 
 def _find_traceback(log: Path) -> str:
@@ -337,15 +164,3 @@ def _find_traceback(log: Path) -> str:
         if line.startswith("Traceback"):
             return next((later for later in lines[number + 1 :] if later and not later.startswith(" ")), line)
     return ""
-
-
-def _signals(what: str, find: Callable[[], Sequence[tuple[str, list[int], str]]], weight: float = 1.0) -> list[Kind]:
-    """Return the kinds of fault of a process: it is killed, or stopped for a while."""
-    return [
-        Kind(name=f"kill {what}", find=lambda: _targets(kill, find()), weight=weight),
-        Kind(name=f"stop {what}", find=lambda: _targets(stop, find()), lasts_s=_LASTS_S),
-    ]
-
-
-def _targets(how: Callable[[Sequence[int]], Any], found: Sequence[tuple[str, list[int], str]]) -> list[Target]:
-    return [Target(name=name, inflict=how(pids), entry=entry) for name, pids, entry in found if pids]

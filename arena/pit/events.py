@@ -138,7 +138,7 @@ class WorkerLost:
     lane: int | None = None
     """Of the match that it was at, if it was at one."""
     is_cut_off: bool = False
-    """Whether no match can have brought it down, since its machine is what was lost."""
+    """Whether no match can have brought it down: its machine was lost, or it returns to the one that was."""
 
 
 @dataclass(frozen=True, slots=True)

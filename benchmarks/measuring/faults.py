@@ -15,10 +15,14 @@ from statistics import median
 from arena.errors import ArenaError
 from benchmarks.measuring.journal_watch import JournalWatch
 
+LASTS_S = (0.5, 8.0)
+"""Of what is stopped, cut or full."""
 PATIENCE_S = 90.0
 """How long after a fault is over it may take until play goes on."""
 _AFTER_S = 4.0
 """So long after a fault is over, what it brought down is down: whoever plays then has come back, or never left."""
+_PLAYING_S = 1.5
+"""A match that has gone on within so long is played."""
 _BALLAST = "ballast"
 Repair = Callable[[], None]
 Inflict = Callable[[], Repair | None]
@@ -33,6 +37,8 @@ class Target:
     inflict: Inflict
     entry: str = ""
     """Whose matches have to go on; anyone's without it."""
+    is_of_all: bool = False
+    """Whether each match that is played has to go on, and not just one of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +67,8 @@ class Fault:
     repair: Repair | None
     grown_at_s: float
     """When somebody of those whom it strikes was seen to play last."""
+    awaited: dict[str, float] | None
+    """Matches that were played when it began and are not over, each with when it was seen to go on last; None if any would do."""
     still_s: float = 0.0
     """The longest that nobody of them played."""
     is_stuck: bool = False
@@ -111,10 +119,10 @@ class FaultInjector:
         return self._now is None
 
     def excuse(self) -> None:
-        """Take note that there is nothing to play for a moment, whatever fault goes on."""
+        """Take note that there was nothing to play until now, whatever fault goes on."""
         self._is_idle = True
         if self._now is not None:
-            self._now.is_excused = True
+            self._now.is_excused, self._now.grown_at_s = True, time.monotonic()
 
     def _begin(self) -> str:
         kind, which, length = self._drawn
@@ -130,12 +138,15 @@ class FaultInjector:
         self._now = Fault(
             kind=kind.name, target=target.name, entry=target.entry, at_s=now_s,
             until_s=now_s + lasts_s, late_before=n_late, repair=repair, grown_at_s=now_s, is_excused=self._is_idle,
+            awaited=dict.fromkeys(self.watch.played_within(_PLAYING_S), now_s) if target.is_of_all else None,
         )  # fmt: skip
         self._drawn = self._draw()
         return f"{kind.name}: {target.name}{f', for {lasts_s:.1f} s' if lasts_s else ''}"
 
     def _go_on(self, fault: Fault, grown: set[str], now_s: float) -> None:
-        if any(not fault.entry or fault.entry in identity.split("/") for identity in grown):
+        if fault.awaited is not None:
+            self._await_all(fault, fault.awaited, grown, now_s)
+        elif any(not fault.entry or fault.entry in identity.split("/") for identity in grown):
             fault.still_s, fault.grown_at_s = max(fault.still_s, now_s - fault.grown_at_s), now_s
         if now_s < fault.until_s:
             return
@@ -148,6 +159,17 @@ class FaultInjector:
             self.faults.append(fault)
             self._now = None
             self._next_s = now_s + self._random.expovariate(1 / self._every_s)
+
+    def _await_all(self, fault: Fault, awaited: dict[str, float], grown: set[str], now_s: float) -> None:
+        """Note which matches have gone on; nobody waits for those that are over."""
+        for identity, since_s in list(awaited.items()):
+            if identity in grown:
+                fault.still_s, awaited[identity] = max(fault.still_s, now_s - since_s), now_s
+            elif now_s - since_s > _PLAYING_S and self.watch.has_ended(identity):
+                del awaited[identity]
+        fault.grown_at_s = min(awaited.values(), default=now_s)
+        if now_s - fault.grown_at_s < _PLAYING_S:
+            fault.grown_at_s = now_s
 
     def costs(self) -> dict[str, dict[str, float]]:
         """Return what the faults of each kind cost."""
@@ -182,6 +204,23 @@ def stop(pids: Sequence[int]) -> Inflict:
         return lambda: _send(pids, signal.SIGCONT)
 
     return inflict
+
+
+Found = Sequence[tuple[str, list[int], str]]
+"""What could be struck: its name, its processes, and whose matches have to go on, anyone's if that is empty."""
+
+
+def signals(what: str, find: Callable[[], Found], weight: float = 1.0, *, is_of_all: bool = False) -> list[Kind]:
+    """Return the kinds of fault of a process: it is killed, or stopped for a while."""
+    return [
+        Kind(name=f"kill {what}", find=lambda: targets(kill, find(), is_of_all=is_of_all), weight=weight),
+        Kind(name=f"stop {what}", find=lambda: targets(stop, find(), is_of_all=is_of_all), lasts_s=LASTS_S),
+    ]
+
+
+def targets(how: Callable[[Sequence[int]], Inflict], found: Found, *, is_of_all: bool = False) -> list[Target]:
+    """Return those of them that are there, to be struck in this way."""
+    return [Target(name=name, inflict=how(pids), entry=entry, is_of_all=is_of_all) for name, pids, entry in found if pids]
 
 
 def fill(disk: Path) -> Inflict:

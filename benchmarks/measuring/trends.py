@@ -2,8 +2,10 @@
 
 import math
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -12,6 +14,10 @@ WARM_UP_S = 120.0
 """Of each life: so long, caches fill."""
 _LEAST = 10
 """Samples, without which a slope says nothing."""
+_JUDGED_MIN = 5.0
+"""Of measurement, from which on it is judged whether something grows."""
+MOST_GROWTH = {"memory_kb": 1_000.0, "handles": 0.5, "threads": 0.2}
+"""A minute, of one process. A pit remembers its last 10,000 matches, at some 5 kB each, and plays some 200 a minute in a soak."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,3 +91,37 @@ class Lives:
         error = math.sqrt(square / n_free / float(x @ x))
         half = float(stats.t.ppf(0.975, n_free)) * error
         return Slope(per_min, per_min - half, per_min + half, total)
+
+
+class Growth:
+    """What processes hold over time, by what they do."""
+
+    def __init__(self) -> None:
+        self._lives: dict[str, dict[str, Lives]] = defaultdict(lambda: defaultdict(Lives))
+
+    def look(self, roles: Mapping[str, Sequence[int]], now_s: float) -> None:
+        """Look at what processes hold, by the name of what they do."""
+        for role, pids in roles.items():
+            for pid in pids:
+                cost = read_cost(pid)
+                if cost is not None:
+                    for what in MOST_GROWTH:
+                        self._lives[role][what].add(pid, now_s, float(getattr(cost, what)))
+
+    def judge(self) -> tuple[dict[str, Any], list[str]]:
+        """Return how fast each grows, and in sentences what grows too fast."""
+        figures: dict[str, Any] = {}
+        broken = []
+        for role, found in self._lives.items():
+            for what, most in MOST_GROWTH.items():
+                slope = found[what].slope()
+                if slope is None:
+                    figures.setdefault(role, {})[what] = "too short to tell"
+                    continue
+                figures.setdefault(role, {})[what] = {
+                    "slope": round(slope.per_min, 3), "low": round(slope.low, 3), "high": round(slope.high, 3)
+                }  # fmt: skip
+                figures[role]["minutes"] = round(slope.minutes, 1)
+                if slope.minutes >= _JUDGED_MIN and slope.low > most:
+                    broken.append(f"the {what} of each {role} grow by at least {slope.low:.1f} a minute")
+        return figures, broken

@@ -29,15 +29,23 @@ def test_nothing_is_lost_whatever_is_killed_stopped_or_cut(size: Size) -> None:
     said: list[str] = []
     is_full = size(0, 1) == 1
     chosen: dict[str, Any] = (
-        {} if is_full else {"entries": {"ann": "patrol", "bob": "rush"}, "has_league": False, "every_s": 0.1, "n_workers": 1}
+        {}
+        if is_full
+        else {
+            "entries": {"ann": "patrol", "bob": "rush"},
+            "has_league": False,
+            "every_s": 0.1,
+            "n_workers": 1,
+            "n_far_workers": 1,
+        }
     )
 
-    figures = measure(said.append, duration_s=size(1, 15 * 60), seed=7, **chosen)
+    figures = measure(said.append, duration_s=size(1, 15 * 60), seed=133, **chosen)  # small, it switches the other machine off
 
     assert figures["broken"] == []
     assert sum(costs["n"] for costs in figures["faults"].values()) >= size(1, 50)
     assert figures["pit"]["stored"] == figures["pit"]["matches"] > 0
-    assert "seed 7" in said
+    assert "seed 133" in said
     for injector in ("pit", "league") if is_full else ("pit",):
         assert all(n >= 0 for n in figures[injector]["late_turns"].values())
 
@@ -112,16 +120,22 @@ def test_a_broken_promise_ends_the_command_with_exit_code_1(
     assert "a match is gone" in capsys.readouterr().out
 
 
-def test_how_long_nobody_played_is_counted_from_the_fault_on_and_not_where_nobody_had_to(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    clock = SimpleNamespace(monotonic=lambda: now_s)
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """Return what tells the time to faults, and to who watches journals."""
+    told = SimpleNamespace(now_s=0.0)
     for module in (faults, journal_watch):
-        monkeypatch.setattr(module, "time", clock)
-    now_s, repaired = 0.0, list[float]()
+        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: told.now_s))
+    return told
+
+
+def test_how_long_nobody_played_is_counted_from_the_fault_on_and_not_where_nobody_had_to(
+    tmp_path: Path, clock: SimpleNamespace
+) -> None:
+    repaired = list[float]()
     kind = Kind(
         name="stop",
-        find=lambda: [Target(name="one", inflict=lambda: lambda: repaired.append(now_s), entry="ann")],
+        find=lambda: [Target(name="one", inflict=lambda: lambda: repaired.append(clock.now_s), entry="ann")],
         lasts_s=(5.0, 5.0),
     )
     injector = FaultInjector("pit", journal_watch.JournalWatch(tmp_path), [kind], 1, every_s=0.001)
@@ -131,7 +145,7 @@ def test_how_long_nobody_played_is_counted_from_the_fault_on_and_not_where_nobod
             journal.write(b"tick")
 
     for second in range(1, 60):
-        now_s = float(second)
+        clock.now_s = float(second)
         play("pit/000000/bob/cyd")
         if second in (1, 20) or 8 < second < 20 or second > 30:
             play("pit/000000/ann/bob")
@@ -143,3 +157,47 @@ def test_how_long_nobody_played_is_counted_from_the_fault_on_and_not_where_nobod
     assert injector.costs() == {"stop": {"n": 2, "late_turns": 0, "still_s": 8.0, "still_most_s": 8.0}}
     assert injector.broken() == []
     assert injector.is_calm
+
+
+def test_a_fault_that_strikes_all_lasts_until_each_match_that_was_played_goes_on_or_is_over(
+    tmp_path: Path, league: Path, clock: SimpleNamespace
+) -> None:
+    kind = Kind(name="off", find=lambda: [Target(name="far", inflict=lambda: None, is_of_all=True)])
+    injector = FaultInjector("pit", journal_watch.JournalWatch(tmp_path), [kind], 1, every_s=0.001)
+    ended = sorted((league / "journals" / "league").glob("*.journal"))[0]
+    (tmp_path / ended.name).write_bytes(ended.read_bytes())  # which ends as the fault begins
+    for identity in ("pit/000000/ann/bob", "pit/000001/cyd/dan", "pit/000002/eve/fay"):
+        (tmp_path / journal_name(identity)).touch()
+
+    for second in range(1, 150):
+        clock.now_s = float(second)
+        playing = ["pit/000000/ann/bob"]
+        if second == 1 or 12 < second < 50:
+            playing.append("pit/000001/cyd/dan")
+        if second < 30:
+            playing.append("pit/000002/eve/fay")
+        for identity in playing:
+            with (tmp_path / journal_name(identity)).open("ab") as journal:
+                journal.write(b"tick")
+        injector.tend(may_begin=second in (1, 29))
+
+    first, second = injector.faults
+    assert (first.still_s, first.is_stuck) == (12.0, False)
+    assert second.is_stuck
+    assert len(injector.broken()) == 1
+
+
+def test_nobody_is_waited_for_while_there_is_nothing_to_play(tmp_path: Path, clock: SimpleNamespace) -> None:
+    kind = Kind(name="kill", find=lambda: [Target(name="one", inflict=lambda: None)])
+    injector = FaultInjector("league", journal_watch.JournalWatch(tmp_path), [kind], 1, every_s=0.001)
+
+    for second in range(1, 300):
+        clock.now_s = float(second)
+        if second in (1, 150):
+            with (tmp_path / journal_name("league/a/b")).open("ab") as journal:
+                journal.write(b"tick")
+        if second == 80:
+            injector.excuse()  # it had been played
+        injector.tend(may_begin=second in (1, 160))
+
+    assert [fault.is_stuck for fault in injector.faults] == [False, True]

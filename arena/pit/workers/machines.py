@@ -30,6 +30,10 @@ _LOST = 255
 """What `ssh` ends with that lost its machine, or never reached it."""
 _LAST_WORDS_S = 1.0
 """Within which it ends, once its streams are closed."""
+_START_S = 120.0
+"""How long a worker may take to say its version."""
+_MOST_VERSION_BYTES = 1_000
+"""What comes first of a machine whose shell prints something is no version."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,20 +65,27 @@ def parse_machine(text: str, program: str) -> list[Machine]:
 class FarProcess:
     """A worker on another machine, as `ssh` that runs it; it ends when this ends, and the other way round.
 
-    Its streams are the pipe, and its connections to `socket`, there, come out of the pit's own socket for workers, here.
+    Its streams are the pipe, and its connections to a socket there come out of `endpoint`, the pit's own for workers, here. One
+    without that is only asked for its version, and what `ssh` complains of is not shown.
     """
 
-    def __init__(self, machine: Machine, endpoint: str) -> None:
+    def __init__(self, machine: Machine, endpoint: str = "") -> None:
         # The other machine's own choice of folder is not known yet; what sshd listens at is its user's alone.
         self.endpoint = f"{WORKERS_PROTOCOL}//tmp/arena-{secrets.token_hex(16)}"
         """Where the pit's router is reached over there."""
         there, here = self.endpoint.partition("/")[2], endpoint.partition("/")[2]
         ours, theirs = socket.socketpair()
         self.pipe = Connection(ours.detach())
-        command = [*_ssh(), *_OPTIONS, "-R", f"{there}:{here}", machine.host, _command(machine.program)]
+        forward = ["-R", f"{there}:{here}"] if here else []
+        command = [*_ssh(), *_OPTIONS, *forward, machine.host, _command(machine.program)]
         try:
-            # Ctrl-C in a terminal is for the pit, which tells its workers.
-            self._process = subprocess.Popen(command, stdin=theirs.fileno(), stdout=theirs.fileno(), start_new_session=True)
+            self._process = subprocess.Popen(
+                command,
+                stdin=theirs.fileno(),
+                stdout=theirs.fileno(),
+                stderr=None if here else subprocess.DEVNULL,
+                start_new_session=True,  # Ctrl-C in a terminal is for the pit, which tells its workers
+            )
         except OSError as error:
             raise InputError(
                 f"cannot run {command[0]}: {error.strerror}; install an SSH client, or leave out --machine"
@@ -96,6 +107,27 @@ class FarProcess:
     def join(self) -> None:
         """Wait until it has ended."""
         self._process.wait()
+
+
+def ask(machine: Machine) -> bytes:
+    """Return what a worker there says first, and have it end; nothing if the machine does not answer."""
+    try:
+        asked = FarProcess(machine)
+    except InputError:
+        return b""  # no process can be started here
+    said = hear_first(asked.pipe)
+    asked.pipe.close()
+    asked.kill()
+    asked.join()
+    return said
+
+
+def hear_first(pipe: Connection) -> bytes:
+    """Return what a worker says first; nothing if it does not come as far."""
+    try:
+        return pipe.recv_bytes(_MOST_VERSION_BYTES) if pipe.poll(_START_S) else b""
+    except (EOFError, OSError):
+        return b""
 
 
 def _command(program: str) -> str:

@@ -1,6 +1,7 @@
 """The processes of a pit's workers: started, told, listened to, and replaced when they end.
 
-One whose machine is lost is replaced on another, if there is one that answers; its matches go with it.
+One whose machine is lost is replaced on another, if there is one that answers, and again on its own once that does; its matches
+go with it.
 """
 
 import json
@@ -18,7 +19,8 @@ from typing import Any
 from arena.errors import ArenaError, InputError
 from arena.pit.events import Event, WorkerLost, WorkerReady, WorkerSaid
 from arena.pit.workers.journal_copies import JournalCopies, read_left
-from arena.pit.workers.machines import HERE, FarProcess, Machine
+from arena.pit.workers.lost_machines import LostMachines
+from arena.pit.workers.machines import HERE, FarProcess, Machine, hear_first
 from arena.pit.workers.messages import Failed, Order, Shut, StopWork, TakeMatch, WorkerSettings, Written
 from arena.pit.workers.worker import NOBODY, describe_version, work
 
@@ -30,14 +32,9 @@ HUNG_S = 10.0
 """A worker tells of itself every second; one that says nothing for so long is replaced."""
 STOP_S = 5.0
 """How long workers may take to leave their matches."""
-_START_S = 120.0
-_MOST_VERSION_BYTES = 1_000
-"""What comes first of a machine whose shell prints something is no version."""
 _FIRST_REST_S, _MOST_REST_S = 0.5, 16.0
 """Before a worker that died young twice in a row, or more often, is replaced."""
 _YOUNG_S = 10.0
-_SHUNNED_S = 30.0
-"""How long a machine is left alone that was lost, while there are others."""
 
 
 class _Place:
@@ -50,7 +47,9 @@ class _Place:
         """Of the journals that it writes, if it is on another machine."""
         self.mark: c_longlong
         self.orders: SimpleQueue[Order | None] = SimpleQueue()
-        self.is_ready, self.is_gone = False, True
+        self.successor: FarProcess | None = None
+        """On its own machine, which was lost: it has said its version, and waits until it is used."""
+        self.is_ready, self.is_gone, self.is_called = False, True, False
         self.n_young_deaths = self.n_stillborn = 0
         self.started_at_s = self.heard_at_s = self.start_at_s = 0.0
 
@@ -82,8 +81,7 @@ class WorkerProcesses:
         self._context = multiprocessing.get_context("spawn")
         homes = machines or [HERE] * len(settings)
         self._places = {one.number: _Place(one, home) for one, home in zip(settings, homes, strict=True)}
-        self._lost_at_s = dict.fromkeys(homes, -_SHUNNED_S)
-        """When each machine was lost last."""
+        self._machines = LostMachines(homes, is_right)
         self._has_opened, self._is_stopping = False, False
         self._looked_at_s = time.monotonic()
 
@@ -101,7 +99,9 @@ class WorkerProcesses:
         self._is_stopping |= isinstance(order, StopWork)
 
     def look(self) -> None:
-        """Replace workers that have ended, and end those that hang; to be called by the thread that called `start`.
+        """Replace workers that have ended, and end those that hang, or whose own machine answers again.
+
+        To be called by the thread that called `start`.
 
         Raises
         ------
@@ -110,6 +110,8 @@ class WorkerProcesses:
         """
         now_s = time.monotonic()
         slept_s, self._looked_at_s = now_s - self._looked_at_s, now_s
+        if not self._is_stopping:
+            self._machines.ask()
         for number, place in self._places.items():
             if slept_s > 1.0:
                 place.heard_at_s = now_s  # this process was stopped itself
@@ -122,6 +124,37 @@ class WorkerProcesses:
                 logger.warning("worker %d has said nothing for %g s; it is replaced", number, HUNG_S)
                 place.heard_at_s = now_s
                 place.process.kill()
+            elif place.is_ready and not self._is_stopping:
+                self._see_home(place)
+
+    def _see_home(self, place: _Place) -> None:
+        """Have a worker return to its own machine, once that answers again: when another is ready there to take its place."""
+        is_away = place.machine != place.home
+        if place.successor is not None and is_away:
+            place.process.kill()
+        elif place.successor is not None:
+            place.successor.kill()
+            place.successor = None
+        elif is_away and not place.is_called and place.home in self._machines.answering:
+            place.is_called = True
+            name = f"caller of worker {place.settings.number}"
+            threading.Thread(target=self._call_home, args=(place,), name=name, daemon=True).start()
+
+    def _call_home(self, place: _Place) -> None:
+        try:
+            successor = FarProcess(place.home, place.settings.endpoint)
+        except InputError:  # no process can be started here
+            self._machines.note_lost(place.home)
+        else:
+            said = hear_first(successor.pipe)
+            if said and not self._is_stopping and is_right(place.home, said):
+                logger.warning("worker %d returns to %s", place.settings.number, place.home)
+                place.successor = successor
+            else:
+                successor.kill()
+                successor.join()
+                self._machines.note_lost(place.home)
+        place.is_called = False
 
     @property
     def has_ended(self) -> bool:
@@ -132,9 +165,10 @@ class WorkerProcesses:
         """End all of them."""
         self._is_stopping = True
         for place in self._places.values():
-            if place.process is not None:
-                place.process.kill()
-                place.process.join()
+            for process in (place.process, place.successor):
+                if process is not None:
+                    process.kill()
+                    process.join()
 
     def _start(self, place: _Place) -> None:
         number = place.settings.number
@@ -142,10 +176,11 @@ class WorkerProcesses:
         place.orders = SimpleQueue()
         place.is_gone = place.is_ready = False
         place.started_at_s = time.monotonic()
-        place.machine = self._choose_machine(place)
+        successor, place.successor = place.successor, None
+        place.machine = self._choose_machine(place) if successor is None else place.home
         settings = place.settings
         if place.machine.host:
-            place.process = afar = FarProcess(place.machine, settings.endpoint)
+            place.process = afar = successor or FarProcess(place.machine, settings.endpoint)
             place.copies = JournalCopies(settings.journals, fsync=settings.fsync)
             pipe, settings = afar.pipe, replace(settings, endpoint=afar.endpoint)
         else:
@@ -157,35 +192,33 @@ class WorkerProcesses:
             place.process.start()
             theirs.close()
         name = f"listener of worker {number}"
-        threading.Thread(target=self._listen, args=(place, pipe, settings), name=name, daemon=True).start()
+        said = describe_version() if successor is not None else b""
+        threading.Thread(target=self._listen, args=(place, pipe, settings, said), name=name, daemon=True).start()
 
     def _choose_machine(self, place: _Place) -> Machine:
         """Return where the next worker of a place runs: at home, unless that was lost and another machine was not."""
-        now_s = time.monotonic()
-        answering = [machine for machine, lost_at_s in self._lost_at_s.items() if now_s - lost_at_s >= _SHUNNED_S]
+        answering = self._machines.answering
         if place.home in answering:
             return place.home
         if answering:
             chosen = min(answering, key=[one.machine for one in self._places.values() if not one.is_gone].count)
         else:
-            chosen = min(self._lost_at_s, key=lambda machine: self._lost_at_s[machine])
+            chosen = self._machines.longest_lost
             if chosen == place.home:
                 return chosen
         logger.warning("worker %d goes on: it is started on %s for %s", place.settings.number, chosen, place.home)
         return chosen
 
-    def _listen(self, place: _Place, pipe: Connection, settings: WorkerSettings) -> None:
-        """Hand over all that a worker says, and that it has ended."""
+    def _listen(self, place: _Place, pipe: Connection, settings: WorkerSettings, said: bytes) -> None:
+        """Hand over all that a worker says, of which something may have been heard, and that it has ended."""
         number, orders = place.settings.number, place.orders
         try:
-            if not pipe.poll(_START_S):
-                place.process.kill()
-            said = pipe.recv_bytes(_MOST_VERSION_BYTES)
-            if said != describe_version():
+            said = said or hear_first(pipe)
+            if said and said != describe_version():
                 place.process.kill()
                 sentence = describe_difference(number, said, place.machine)
                 self._hand_over(lambda: _fail(sentence))
-            else:
+            elif said:
                 pipe.send(settings)
                 threading.Thread(target=_tell, args=(orders, pipe), name=f"teller of worker {number}", daemon=True).start()
                 while True:
@@ -205,6 +238,7 @@ class WorkerProcesses:
         number, place.heard_at_s = place.settings.number, time.monotonic()
         if not place.is_ready:
             place.is_ready, place.n_stillborn = True, 0
+            self._machines.note_answer(place.machine)
             self._has_opened = self._has_opened or all(one.is_ready for one in self._places.values())
             self._hand_over(lambda: WorkerReady(number))
         if isinstance(report, Failed):
@@ -225,17 +259,19 @@ class WorkerProcesses:
             self._hand_over(lambda: _fail(reason))
 
     def _note_end(self, place: _Place, *, is_cut_off: bool) -> None:
-        now_s, was_ready = time.monotonic(), place.is_ready
-        if is_cut_off and not self._is_stopping:
+        now_s, was_ready, is_returning = time.monotonic(), place.is_ready, place.successor is not None
+        if is_cut_off and not self._is_stopping and not is_returning:
             logger.warning("%s is not reached", place.machine)
-            self._lost_at_s[place.machine] = now_s
-        place.n_young_deaths = place.n_young_deaths + 1 if now_s - place.started_at_s < _YOUNG_S else 0
+            self._machines.note_lost(place.machine)
+        is_young = now_s - place.started_at_s < _YOUNG_S and not is_returning
+        place.n_young_deaths = place.n_young_deaths + 1 if is_young else 0
         place.n_stillborn += not was_ready
         rest_s = min(_FIRST_REST_S * 2 ** (place.n_young_deaths - 2), _MOST_REST_S) if place.n_young_deaths > 1 else 0.0
         place.start_at_s = now_s + rest_s
         lane = None if place.mark.value == NOBODY else int(place.mark.value)
         if was_ready and not self._is_stopping:
-            self._hand_over(lambda: WorkerLost(place.settings.number, lane, is_cut_off=is_cut_off))
+            is_blameless = is_cut_off or is_returning
+            self._hand_over(lambda: WorkerLost(place.settings.number, lane, is_cut_off=is_blameless))
         place.is_ready, place.is_gone = False, True
 
 
@@ -245,6 +281,13 @@ def _tell(orders: "SimpleQueue[Order | None]", pipe: Connection) -> None:
             pipe.send(order)
         except OSError:
             return  # it has ended
+
+
+def is_right(machine: Machine, said: bytes) -> bool:
+    """Return whether a worker that says this first is of this version; a sentence is logged if it is not."""
+    if said != describe_version():
+        logger.warning("%s", describe_difference(0, said, machine))
+    return said == describe_version()
 
 
 def _fail(reason: str) -> Event:

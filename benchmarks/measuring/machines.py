@@ -11,10 +11,14 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-import pytest
-from commands import ARENA, PATIENCE_S
-
+from arena.errors import ArenaError
+from arena.jit import cache_root
 from arena.network.address import free_port
+
+ARENA = "from tournaments.cli import main; main()"
+"""The `arena` command, for Python."""
+_START_S = 60.0
+_PATH = f"{os.environ['PATH']}:/usr/sbin"
 
 
 class FarMachine:
@@ -30,16 +34,26 @@ class FarMachine:
         self._folder = folder
         self.start()
 
+    @property
+    def host(self) -> str:
+        """What `ssh` calls it."""
+        return f"m{self.port}"
+
     def start(self) -> None:
-        """Be there, and wait until it answers."""
+        """Be there; it answers in a moment."""
         with suppress(OSError):
             Path("/run/sshd").mkdir(exist_ok=True)  # of root's server alone
         within = ["ip", "netns", "exec", self._namespace] if self._namespace else []
-        command = [shutil.which("sshd", path=f"{os.environ['PATH']}:/usr/sbin") or "sshd", "-D", "-e", "-f", str(self._settings)]
+        command = [shutil.which("sshd", path=_PATH) or "sshd", "-D", "-e", "-f", str(self._settings)]
         self.server = subprocess.Popen([*within, *command], stderr=subprocess.DEVNULL, start_new_session=True)
-        end_s = time.monotonic() + PATIENCE_S
-        while subprocess.run([*ssh_of(self._folder).split(), f"m{self.port}", "true"], check=False).returncode:
-            assert time.monotonic() < end_s, "the SSH server does not answer"
+
+    def wait(self) -> None:
+        """Wait until it answers; `ArenaError` if it does not."""
+        end_s = time.monotonic() + _START_S
+        command = [*ssh_of(self._folder).split(), self.host, "true"]
+        while (done := subprocess.run(command, capture_output=True, text=True, check=False)).returncode:
+            if time.monotonic() > end_s:
+                raise ArenaError(f"an SSH server of our own does not answer: {done.stderr.strip()}")
             time.sleep(0.05)
 
     def processes(self) -> list[int]:
@@ -82,6 +96,11 @@ def ssh_of(folder: Path) -> str:
     return f"ssh -F {folder}/config"
 
 
+def program_of(folder: Path) -> Path:
+    """Return the `arena` of machines of a folder."""
+    return folder / "arena"
+
+
 @dataclass(frozen=True)
 class Network:
     """A network namespace, and its one link to this machine, as far as that is let be."""
@@ -99,11 +118,11 @@ class Network:
         _ip("link", "set", self.link, "up")
 
     def disturb(self, *how: str) -> None:
-        """Delay or lose what goes through, as `tc netem` has it; skipped, with a reason, where the kernel has none."""
+        """Delay or lose what goes through, as `tc netem` has it; `ArenaError`, with a reason, where the kernel has none."""
         command = ["tc", "qdisc", "replace", "dev", self.link, "root", "netem", *how]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
-            pytest.skip(f"{' '.join(command)}: {done.stderr.strip()}")
+            raise ArenaError(f"{' '.join(command)}: {done.stderr.strip()}")
 
 
 def _ip(*words: str) -> None:
@@ -112,7 +131,7 @@ def _ip(*words: str) -> None:
 
 @contextmanager
 def networks(n: int) -> Iterator[list[Network]]:
-    """Yield networks with a machine each; skipped, with a reason, where none may be made."""
+    """Yield networks with a machine each; `ArenaError`, with a reason, where none may be made."""
     number = os.getpid() % 200
     made = [Network(f"arena{number}-{k}", f"arena{number}v{k}", f"10.{200 + k}.{number}.2") for k in range(n)]
     with ExitStack() as running:
@@ -128,20 +147,23 @@ def networks(n: int) -> Iterator[list[Network]]:
                 _ip("-n", one.name, "link", "set", "eth0", "up")
                 _ip("-n", one.name, "link", "set", "lo", "up")
             except (OSError, subprocess.CalledProcessError) as error:
-                why = (
-                    error.stderr.decode().strip() if isinstance(error, subprocess.CalledProcessError) and error.stderr else error
-                )
-                pytest.skip(f"no network namespace can be made: {why}")
+                said = error.stderr.decode().strip() if isinstance(error, subprocess.CalledProcessError) else ""
+                raise ArenaError(f"no network namespace can be made: {said or error}") from None
         yield made
 
 
 @contextmanager
 def far_machines(folder: Path, n: int, within: Sequence[Network] = ()) -> Iterator[list[FarMachine]]:
-    """Yield machines that are reached as `m` and their port, with what `ssh_of` returns; in networks of their own, if given."""
-    if shutil.which("ssh-keygen") is None or shutil.which("sshd", path=f"{os.environ['PATH']}:/usr/sbin") is None:
-        if os.environ.get("ARENA_REQUIRE_ALL"):
-            pytest.fail("there is no SSH server, and ARENA_REQUIRE_ALL=1 allows no test to be skipped")
-        pytest.skip("there is no SSH server; apt-get install openssh-server")
+    """Yield machines that `ssh_of` reaches as their `host`, in networks of their own if given.
+
+    Raises
+    ------
+    ArenaError
+        There is no SSH server, or none that answers; in words that can stand behind "no, because".
+    """
+    if shutil.which("ssh-keygen") is None or shutil.which("sshd", path=_PATH) is None:
+        raise ArenaError("there is no SSH server (apt-get install openssh-server)")
+    folder.mkdir()
     subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", folder / "key"], check=True)
     ports = [free_port() for _ in range(n)]
     addresses = [one.address for one in within] or ["127.0.0.1"] * n
@@ -152,12 +174,14 @@ def far_machines(folder: Path, n: int, within: Sequence[Network] = ()) -> Iterat
         f"{hosts}Host m*\n  IdentityFile {folder}/key\n  IdentitiesOnly yes\n  LogLevel ERROR\n"
         "  StrictHostKeyChecking no\n  UserKnownHostsFile /dev/null\n"
     )
-    program = folder / "arena"
-    program.write_text(f'#!/bin/sh\nexec {sys.executable} -c "{ARENA}" "$@"\n')
+    program = program_of(folder)
+    program.write_text(f'#!/bin/sh\nNUMBA_CACHE_DIR={cache_root()} exec {sys.executable} -c "{ARENA}" "$@"\n')
     program.chmod(0o700)
     with ExitStack() as running:
         machines = []
         for k, port in enumerate(ports):
             machines.append(FarMachine(folder, port, within[k].name if within else ""))
             running.callback(machines[-1].die)
+        for machine in machines:
+            machine.wait()
         yield machines
