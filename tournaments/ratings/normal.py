@@ -118,7 +118,7 @@ def _shared(best: Floats, covariance: Floats, pairs: Mapping[Unit, int]) -> Floa
     shares = chances(best)
     expected = shares @ _POINTS
     variance = shares @ _POINTS**2 - expected**2
-    whole = [(pair, times) for pair, times in pairs.items() if len(pair) == 2]
+    whole = sorted((pair, times) for pair, times in pairs.items() if len(pair) == 2)  # the last bits of sums depend on it
     shared = np.zeros((n + 2, n + 2))
     if not whole:
         return shared

@@ -166,7 +166,7 @@ def _pairs(outcomes: Iterable[Outcome]) -> dict[tuple[str, str], list[float]]:
         one, other = sorted((outcome.blue, outcome.red))
         pairs[one, other, LeagueMatchId.parse(outcome.identity).pair_id].append(outcome.points(one))
     fixtures: defaultdict[tuple[str, str], list[float]] = defaultdict(list)
-    for (one, other, _), scores in pairs.items():
+    for (one, other, _), scores in sorted(pairs.items()):  # the last bits of sums depend on it
         if len(scores) == 2:
             fixtures[one, other].append(sum(scores))
     return dict(fixtures)
