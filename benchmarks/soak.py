@@ -29,6 +29,8 @@ _EVERY_S = 4.0
 _POLL_S, _LOOK_S, _SAY_S = 0.2, 2.0, 30.0
 _COME_S, _END_S = 180.0, 300.0
 """How long the first matches may take to come, and the last ones to end."""
+_REMEMBERED_KB = 6.0
+"""Of a match, which a pit remembers until 10,000 others have been played."""
 Progress = Callable[[str], None]
 
 
@@ -71,6 +73,7 @@ class _Soak:
         self._soaked: list[SoakedPit | SoakedLeague] = [pit] if league is None else [pit, league]
         self._growth = Growth()
         self._broken: list[str] = []
+        self._took_min = 0.0
 
     # While it goes on
 
@@ -93,6 +96,7 @@ class _Soak:
             if now_s - said_s >= _SAY_S:
                 said_s = now_s
                 progress(f"{now_s - begun_s:.0f} of {duration_s:.0f} s, {self._describe()}")
+        self._took_min = (time.monotonic() - begun_s) / 60
         self._finish(progress)
 
     def _describe(self) -> str:
@@ -148,7 +152,8 @@ class _Soak:
         for part in self._ground.parts:
             exits.update({f"{'client' if self._pit.is_client(part) else part.name} {code}": n for code, n in part.exits.items()})
         figures["exits"] = dict(sorted(exits.items()))
-        figures["growth_per_min"], grown = self._growth.judge()
+        remembered_kb = _REMEMBERED_KB * figures[self._pit.injector.name]["matches"] / self._took_min
+        figures["growth_per_min"], grown = self._growth.judge({"pit": remembered_kb})
         broken += [f"{path.name} tells of a traceback: {said}" for path in self._logs() if (said := _find_traceback(path))]
         return {**figures, "broken": [*broken, *grown]}
 

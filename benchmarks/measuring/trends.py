@@ -16,8 +16,8 @@ _LEAST = 10
 """Samples, without which a slope says nothing."""
 _JUDGED_MIN = 5.0
 """Of measurement, from which on it is judged whether something grows."""
-MOST_GROWTH = {"memory_kb": 1_000.0, "handles": 0.5, "threads": 0.2}
-"""A minute, of one process. A pit remembers its last 10,000 matches, at some 5 kB each, and plays some 200 a minute in a soak."""
+MOST_GROWTH = {"memory_kb": 500.0, "handles": 0.5, "threads": 0.2}
+"""A minute, of one process, beside what it is to remember."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +108,14 @@ class Growth:
                     for what in MOST_GROWTH:
                         self._lives[role][what].add(pid, now_s, float(getattr(cost, what)))
 
-    def judge(self) -> tuple[dict[str, Any], list[str]]:
-        """Return how fast each grows, and in sentences what grows too fast."""
+    def judge(self, remembered_kb: Mapping[str, float]) -> tuple[dict[str, Any], list[str]]:
+        """Return how fast each grows, and in sentences what grows too fast.
+
+        Parameters
+        ----------
+        remembered_kb
+            By how much the memory of some is to grow in a minute, by the name of what they do: no more of it is too fast.
+        """
         figures: dict[str, Any] = {}
         broken = []
         for role, found in self._lives.items():
@@ -122,6 +128,8 @@ class Growth:
                     "slope": round(slope.per_min, 3), "low": round(slope.low, 3), "high": round(slope.high, 3)
                 }  # fmt: skip
                 figures[role]["minutes"] = round(slope.minutes, 1)
+                if what == "memory_kb":
+                    most += remembered_kb.get(role, 0.0)
                 if slope.minutes >= _JUDGED_MIN and slope.low > most:
                     broken.append(f"the {what} of each {role} grow by at least {slope.low:.1f} a minute")
         return figures, broken

@@ -11,10 +11,10 @@ import pytest
 
 from arena.errors import ArenaError
 from arena.records.journal import journal_name
-from benchmarks.measuring import faults, journal_watch
+from benchmarks.measuring import faults, journal_watch, trends
 from benchmarks.measuring.audit import audit_league
 from benchmarks.measuring.faults import FaultInjector, Kind, Target
-from benchmarks.measuring.trends import WARM_UP_S, Lives
+from benchmarks.measuring.trends import WARM_UP_S, Cost, Growth, Lives
 from benchmarks.soak import measure
 from tournaments.commands import bench
 from tournaments.league.file import load_league
@@ -106,6 +106,21 @@ def test_a_slope_is_found_within_lives_and_noise_is_none() -> None:
     assert none.low < 0 < none.high
     assert found.minutes == pytest.approx(3 * (298 - WARM_UP_S) / 60)
     assert Lives().slope() is None
+
+
+@pytest.mark.parametrize(("per_min", "grows_too_fast"), [(1_400.0, False), (1_700.0, True)])
+def test_what_is_to_be_remembered_is_no_growth(monkeypatch: pytest.MonkeyPatch, per_min: float, grows_too_fast: bool) -> None:
+    growth, random = Growth(), np.random.default_rng(5)
+    for at_s in range(0, 900, 2):
+        memory_kb = int(90_000 + per_min * at_s / 60 + random.normal(0, 50))
+        monkeypatch.setattr(trends, "read_cost", lambda _, kb=memory_kb: Cost(memory_kb=kb, handles=9, threads=3))
+        growth.look({"pit": [1]}, float(at_s))
+
+    _, broken = growth.judge({"pit": 1_000.0})
+
+    assert len(broken) == grows_too_fast
+    assert all("the memory_kb of each pit" in sentence for sentence in broken)
+    assert growth.judge({})[1]
 
 
 def test_a_broken_promise_ends_the_command_with_exit_code_1(
