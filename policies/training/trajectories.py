@@ -43,8 +43,8 @@ class _Side:
     """One team's units, when the learner plays them."""
 
     def __init__(self, env: BatchedEnv, team: Team, settings: ReinforceSettings) -> None:
-        flies = np.array([unit.flies for unit in env.ruleset.team(team)], np.uint8)
         self.team = team
+        self.flies = flies = np.array([unit.flies for unit in env.ruleset.team(team)], np.uint8)
         self._views = FirstPerson(team, env.ruleset.side, flies, env.n_games, settings.window, settings.edge_code)
         self._logits = np.zeros((env.n_games, len(flies), N_ACTIONS), np.float32)
         self._actions = np.zeros((env.n_games, len(flies)), np.int8)
@@ -143,9 +143,8 @@ class RoundPlayer:
         row, column = row_after(row, orders), column_after(column, orders)
         is_there = is_on_board(row, column, side)
         ground = np.take_along_axis(state.ground, np.where(is_there, row * side + column, 0), 1)
-        flies = np.array([unit.flies for unit in self.env.ruleset.team(Team.BLUE)])
         is_step = (state.alive[:, :n_units] > 0) & (orders != Action.STAY)
-        return is_step.sum(1), (is_step & ~(is_there & can_enter(ground, flies))).sum(1)
+        return is_step.sum(1), (is_step & ~(is_there & can_enter(ground, self._sides[0].flies))).sum(1)
 
     def _decide(
         self, network: PaperTeam | None, seen: dict[Team, Observations], is_playing: NDArray[np.bool_], tick: int, update: int

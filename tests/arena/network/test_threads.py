@@ -27,6 +27,7 @@ with open_router(endpoint, "p", workers_endpoint=workers) as router, open_client
     print(*sorted({(task / "comm").read_text().partition("-")[0] for task in Path("/proc/self/task").iterdir()}))
 """
 ALL = {"acc", "app", "net", "rx", "tx"}
+where_proc_tells = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="threads are told by /proc")
 
 
 def zenohs_threads(workers: Path | None = None, **environment: str) -> set[str]:
@@ -37,17 +38,17 @@ def zenohs_threads(workers: Path | None = None, **environment: str) -> set[str]:
     return set(said.split()) & ALL
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="threads are told by /proc")
+@where_proc_tells
 def test_one_thread_of_zenohs_sends_and_one_does_all_else() -> None:
     assert zenohs_threads() == {"rx", "tx"}
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="threads are told by /proc")
+@where_proc_tells
 def test_whoever_starts_a_process_may_choose_its_threads() -> None:
     assert "net" in zenohs_threads(ZENOH_RUNTIME="(rx: (worker_threads: 2))")
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="threads are told by /proc")
+@where_proc_tells
 def test_a_router_with_workers_keeps_zenohs_own_choice(tmp_path: Path) -> None:
     assert zenohs_threads(tmp_path) == ALL
 

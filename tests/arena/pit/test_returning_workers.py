@@ -73,6 +73,12 @@ class Workers:
         self._heard: SimpleQueue[Any] = SimpleQueue()
         self.processes = WorkerProcesses(settings, self._heard.put, work, [HERE, Machine("far", str(far))])
 
+    def start_without_far(self) -> None:
+        """Start them while the other machine does not answer; both are ready here then."""
+        self.down.touch()
+        self.processes.start()
+        assert {self.next(), self.next()} == {WorkerReady(1), WorkerReady(2)}
+
     def look(self) -> Any:
         """Look after them once; return whether one is ready or lost, as far as one is."""
         self.processes.look()
@@ -102,9 +108,7 @@ def workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Workers
 def test_a_worker_returns_to_its_machine_once_that_answers_and_no_match_is_blamed(
     workers: Workers, caplog: pytest.LogCaptureFixture
 ) -> None:
-    workers.down.touch()
-    workers.processes.start()
-    assert {workers.next(), workers.next()} == {WorkerReady(1), WorkerReady(2)}
+    workers.start_without_far()
     assert "worker 2 goes on: it is started on this machine for far" in caplog.messages
 
     workers.down.unlink()
@@ -118,9 +122,7 @@ def test_a_worker_returns_to_its_machine_once_that_answers_and_no_match_is_blame
 def test_a_worker_does_not_return_to_a_machine_on_which_none_could_take_its_place(
     workers: Workers, caplog: pytest.LogCaptureFixture
 ) -> None:
-    workers.down.touch()
-    workers.processes.start()
-    assert {workers.next(), workers.next()} == {WorkerReady(1), WorkerReady(2)}
+    workers.start_without_far()
 
     workers.version.write_bytes(b'{"arena": "0"}')
     workers.down.unlink()
