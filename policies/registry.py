@@ -51,6 +51,11 @@ REFERENCES = {
 }
 """Cheats: the local venue shows them the whole board. They are never rated, and no other venue seats them."""
 CHECKPOINT = ".safetensors"
+TRAINED = {
+    "champion": "The strongest network: one pass over the board for all units, taught by scripts, itself and `planner-fast`.",
+    "paper": "The network of the paper, trained by the paper's method: what the arena began with, and easily beaten.",
+}
+"""What the trained fighters that come with the arena are."""
 NOT_PACKAGED = {
     "paper": "the weights of the fighter paper come with the source repository alone, since they have 10 MB: "
     "name a copy of its policies/weights/paper.safetensors instead, or train them with "
@@ -183,7 +188,7 @@ def plan(name: str) -> str:
         of_class = [node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == fighter and name in PLANNERS]
         return (ast.get_docstring(of_class[0] if of_class else tree) or "").partition("\n")[0]
     if name in shipped():
-        return "a trained network"
+        return TRAINED[name]
     if name in _installed():
         giver = _installed()[name].dist
         return f"from {giver.name} {giver.version}" if giver else f"from {_installed()[name].module}"

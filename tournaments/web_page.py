@@ -31,6 +31,9 @@ def check(place: PagePlace) -> None:
     with needs("web", "--web"):
         for package in ("starlette", "uvicorn", "websockets", "prometheus_client"):
             import_module(package)
+    from clients.web.server import listen  # with the extra only
+
+    listen(place.host, place.port).close()
 
 
 @contextmanager

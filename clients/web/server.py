@@ -300,5 +300,6 @@ def listen(host: str, port: int) -> socket.socket:
         listening.listen()  # whoever comes before the server runs is kept waiting, not turned away
     except OSError as error:
         listening.close()
-        raise InputError(f"the web page cannot listen at {host}:{port}: {error.strerror or error}") from error
+        said = error.strerror or error
+        raise InputError(f"the web page cannot listen at {host}:{port}: {said}; choose another address or port") from error
     return listening

@@ -15,7 +15,7 @@ from policies import registry
 from policies.each_seat import EachSeat
 
 
-@pytest.mark.parametrize("name", registry.OWN)
+@pytest.mark.parametrize("name", [*registry.OWN, *registry.shipped()])
 def test_every_fighter_has_a_plan_in_one_line(name: str) -> None:
     assert 20 < len(registry.plan(name)) <= 130
 
