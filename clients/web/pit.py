@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from arena.display.frame import Units, describe_rules, describe_tick, find_events
-from arena.errors import ArenaError, LostPitError, ProtocolError
+from arena.errors import ArenaError, InputError, LostPitError, ProtocolError
 from arena.game.ruleset import Ruleset, read_rules
 from arena.network.address import Address
 from arena.network.session import Sample, Session, open_client, read_key, read_payload
@@ -180,7 +180,7 @@ class PitClient:
         for watch in [one for one in self._watches if one.match == match and one.key and one.spectator]:
             try:
                 frame = watch.spectator.read_truth(payload) if watch.spectator else None
-            except ProtocolError:
+            except (ProtocolError, InputError):  # whoever watches beside it may have the right key
                 if not watch.has_opened and not watch.is_warned:
                     watch.is_warned = True
                     watch.send({"kind": "wrong key", "sentence": "the truth of this match does not open with this key"})
