@@ -124,10 +124,14 @@ class Register:
         self._changes.clear()
 
     def _append(self, path: Path) -> None:
+        """Write the changes, or nothing: behind a line that was cut off, the next change would make the file unreadable."""
         data = "".join(f"\n{json.dumps(change)}" for change in self._changes).encode()
         try:
             with path.open("ab", buffering=0) as file:
+                n_before = file.tell()
                 n_written = file.write(data)
+                if n_written != len(data):
+                    file.truncate(n_before)
         except OSError as error:
             raise ArenaError(f"cannot write {path}: {error.strerror}") from error
         if n_written != len(data):

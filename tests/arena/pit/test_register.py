@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import stat
 from pathlib import Path
 
@@ -324,6 +325,28 @@ def test_a_change_that_cannot_be_written_is_one_arena_error(tmp_path: Path) -> N
 
     with pytest.raises(ArenaError, match=r"cannot write .*register\.json: Is a directory"):
         register.save()
+
+
+def test_a_disk_that_takes_half_a_change_spoils_nothing_for_who_goes_on(tmp_path: Path) -> None:
+    path = tmp_path / "register.json"
+    register = filled(path)
+    n_whole = len(path.read_bytes())
+    register.claim("more", BOB)
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_whole + 5, before[1]))
+    try:
+        with pytest.raises(ArenaError, match=r"cannot write .*register\.json: the disk is full"):
+            register.save()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert register.is_changed
+    assert len(path.read_bytes()) == n_whole
+    register.claim("later", BOB)
+    register.save()
+
+    again = Register(path)
+    assert (again.find("ann"), again.find("more"), again.find("later")) == (ANN, BOB, BOB)
 
 
 def test_a_folder_that_is_gone_is_one_arena_error(tmp_path: Path) -> None:
