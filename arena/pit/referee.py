@@ -171,8 +171,11 @@ class Referee(MatchLoop):
             if self._workers is not None:
                 self._wait_for_workers(self._workers)
         finally:
-            for end in self._end_beats:
-                end()
+            self._stop_beating()
+
+    def _stop_beating(self) -> None:
+        for end in self._end_beats:
+            end()
 
     def resume(self, identities: Collection[str] | None = None) -> list[str]:
         """Take up the unfinished matches that an earlier referee left, or those of them with an identity; return whose were."""
@@ -214,6 +217,7 @@ class Referee(MatchLoop):
                     self._hand_in(self._inbox.get(timeout=_LOOK_S)())
         except BaseException:
             self._workers.close()
+            self._stop_beating()  # nobody closes a referee that was never made
             raise
 
     def _tell_worker(self, worker: int, order: Order) -> None:

@@ -3,7 +3,7 @@
 import resource
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,10 +14,11 @@ from offline_pit import N_UNITS, PIT, RULES, plan
 from arena.errors import ArenaError
 from arena.game.types import RULES_VERSION, Team
 from arena.match.time_control import TimeControl
-from arena.pit import journal_files
+from arena.pit import journal_files, referee
 from arena.pit.match_session import PitContext
 from arena.pit.referee import Referee
 from arena.pit.seating import PlannedSeating
+from arena.pit.workers.machines import HERE
 from arena.protocol import topics
 from arena.protocol.codec import decode, encode
 from arena.protocol.handshake import Attempt
@@ -243,3 +244,35 @@ def test_a_pit_leaves_no_file_of_a_match_that_never_began(tmp_path: Path) -> Non
     pit.referee.close()
 
     assert not list(tmp_path.iterdir())
+
+
+def test_a_pit_whose_workers_cannot_be_started_leaves_no_heartbeat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    beating = set[str]()
+
+    class Beating(Network):
+        def heartbeat(self, key: str, period_s: float) -> Callable[[], None]:
+            beating.add(key)
+            return lambda: beating.discard(key)
+
+        def beat(self, keys: Iterable[str], period_s: float) -> Callable[[], None]:
+            return self.heartbeat(" ".join(keys), period_s)
+
+    class Stillborn:
+        def __init__(self, *_: object, **__: object) -> None:
+            """Have workers."""
+
+        def start(self) -> None:
+            assert len(beating) == 2
+            raise ArenaError("worker 1 died")
+
+        def close(self) -> None:
+            """Nothing runs."""
+
+    monkeypatch.setattr(referee, "WorkerProcesses", Stillborn)
+    session: Any = Beating()
+    context = PitContext(pit="pit", identity=PIT)
+
+    with pytest.raises(ArenaError, match="worker 1 died"):
+        Referee(session, context, RULES, PlannedSeating(), TimeControl(), tmp_path, workers=[HERE], on_end=lambda ended: None)
+
+    assert not beating
