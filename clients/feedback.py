@@ -22,8 +22,8 @@ class Feedback:
         self._playing: list[_Played] = []
 
     def begin(self, seat: Seat) -> None:
-        """A match begins."""
-        self._playing.append(_Played(seat))
+        """A match begins; there is nothing more to tell of those that are gone."""
+        self._playing = [*(played for played in self._playing if not played.seat.is_gone), _Played(seat)]
 
     def news(self) -> Iterator[str]:
         """Yield, in sentences, what became known since the last call."""

@@ -36,8 +36,9 @@ class ClientMonitor:
         self._seen_at_s = time.monotonic()
 
     def begin(self, seat: Seat) -> None:
-        """Count a seat that was taken."""
-        self._seats += (seat,)
+        """Count a seat that was taken, and let go of those whose matches are gone."""
+        self._n_ticks += sum(one.known_ticks for one in self._seats if one.is_gone)
+        self._seats = (*(one for one in self._seats if not one.is_gone), seat)
 
     def count(self, seat: Seat) -> None:
         """Count a match that is over."""
@@ -52,7 +53,7 @@ class ClientMonitor:
         """Return what there is to tell."""
         seats = self._seats
         return [
-            Reading(MATCHES_RUNNING, len(seats)),
+            Reading(MATCHES_RUNNING, sum(not seat.is_gone for seat in seats)),
             Reading(MATCHES_ENDED, dict(self._endings)),
             Reading(TICKS, self._n_ticks + sum(seat.known_ticks for seat in seats)),
             Reading(FAULTS, dict(self._faults)),

@@ -83,6 +83,8 @@ class Seat:
         self.ticket, self.commitment = ticket, commitment
         self.ruleset, self.team = read_ticket(ticket)
         self.ended: Ended | None = None
+        self.is_gone = False
+        """Whether the match was given up: it is over, and how it ended is not known."""
         self.known_ticks = 0
         """Observations that the policy has been shown, and has answered."""
         self.is_behind = False
@@ -201,6 +203,7 @@ class Seat:
     def abandon(self) -> None:
         """End a match that is gone for the policy, which may hold a process for it; how it ended is not known."""
         if self.ended is None:
+            self.is_gone = True
             self._waiting.clear()
             self._policy.end(
                 0,
