@@ -74,7 +74,10 @@ class FarProcess:
         self.endpoint = f"{WORKERS_PROTOCOL}//tmp/arena-{secrets.token_hex(16)}"
         """Where the pit's router is reached over there."""
         there, here = self.endpoint.partition("/")[2], endpoint.partition("/")[2]
-        ours, theirs = socket.socketpair()
+        try:
+            ours, theirs = socket.socketpair()
+        except OSError as error:
+            raise InputError(f"cannot talk to {machine}: {error.strerror}") from error
         self.pipe = Connection(ours.detach())
         forward = ["-R", f"{there}:{here}"] if here else []
         command = [*_ssh(), *_OPTIONS, *forward, machine.host, _command(machine.program)]

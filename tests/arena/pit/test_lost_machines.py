@@ -1,5 +1,8 @@
 """Machines that were lost: each is asked from time to time, and is used again once it could be."""
 
+import errno
+import os
+import socket
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 
@@ -7,7 +10,7 @@ import pytest
 
 from arena.pit.workers import lost_machines
 from arena.pit.workers.lost_machines import LostMachines
-from arena.pit.workers.machines import HERE, Machine
+from arena.pit.workers.machines import HERE, Machine, ask
 from arena.pit.workers.processes import is_right
 from arena.pit.workers.worker import describe_version
 
@@ -102,3 +105,12 @@ def test_a_worker_of_another_version_is_not_used_and_a_sentence_says_why(caplog:
     assert not is_right(ONE, b'{"arena": "0", "protocol": 1, "rules": 1}')
     (said,) = caplog.messages
     assert said.startswith("one has an arena of another version: arena 0 for ")
+
+
+def test_a_machine_that_cannot_be_asked_for_want_of_files_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    def socketpair() -> None:
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    monkeypatch.setattr(socket, "socketpair", socketpair)
+
+    assert ask(ONE) == b""
