@@ -10,6 +10,7 @@ from arena.folders import data_folder
 from arena.game.types import Team
 from arena.keyring.files import load_or_make
 from arena.network.address import Address, free_port
+from arena.records.journal import journal_name
 from arena.records.plan import MatchPlan
 from tournaments.outcome import Outcome
 from tournaments.venues.bundle import freeze
@@ -252,6 +253,9 @@ class NetworkPit:
     def _start_referee(self) -> None:
         known = self._addition(self._names, list(self._left.values()))
         self._waiting = frozenset()
+        # A match that left no journal is begun anew, and waits for both of its entries again.
+        journals = self._setting.journals
+        self._running = {name: plan for name, plan in self._running.items() if (journals / journal_name(name)).exists()}
         self._referee.start(known, self._clients.leaving, is_finished=self._is_finished)
         self._clients.on_new_referee()
 

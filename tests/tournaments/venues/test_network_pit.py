@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from family import PATIENCE_S, kill
 from network_settings import make_setting, plan, sessions
 
 import tournaments.venues.client_pool as client_pool
+import tournaments.venues.network as network
 import tournaments.venues.processes as tournament_processes
 from arena.game.types import Termination
 from arena.keyring.files import load_or_make
@@ -23,7 +24,7 @@ from tournaments.outcome import Outcome
 from tournaments.venues.client_pool import choose
 from tournaments.venues.local import play as play_local
 from tournaments.venues.network import NetworkPit
-from tournaments.venues.referee_process import MOST_PLANS
+from tournaments.venues.referee_process import MOST_PLANS, Addition, Done, Message, News
 from tournaments.venues.setting import Fighter, VenueSetting
 
 RUSH, PATROL, RANDOM = (Fighter(spec=name) for name in ("rush", "patrol", "random"))
@@ -170,3 +171,49 @@ def test_those_who_play_have_a_process_then_those_of_the_first_matches_whose_opp
     assert chosen(5) == ["b", "x", "c", "d", "a"]
     assert chosen(3) == ["b", "x", "c"]
     assert chosen(3, is_there=True) == ["b", "x", "a"]
+
+
+class ReplacedReferee:
+    """A referee that dies once it has said that the first match has begun, and is replaced by one that finds no journal of it."""
+
+    def __init__(self, *_: object) -> None:
+        self._identities: list[str] = []
+        self._n_received = 0
+
+    def __enter__(self) -> "ReplacedReferee":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """No process is there."""
+
+    def start(self, known: Addition, dismissed: Collection[str], *, is_finished: bool) -> None:
+        """Be there."""
+
+    def tell(self, message: Message) -> None:
+        if isinstance(message, Addition):
+            self._identities += [one.identity for one in message.plans]
+
+    def reap(self) -> None:
+        """Be gone."""
+
+    def receive(self, wait_s: float) -> list[Outcome | News | Done]:
+        self._n_received += 1
+        if self._n_received == 1:
+            return [News(begun=self._identities[:1], waiting=frozenset())]
+        raise EOFError
+
+
+def test_a_match_that_its_referee_took_along_before_the_first_tick_waits_for_its_entries_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(network, "RefereeProcess", ReplacedReferee)
+    keys = {name: load_or_make(tmp_path / f"{name}.key").public for name in ("far", "near")}
+    with NetworkPit(make_setting(tmp_path)) as pit:
+        pit.add({name: Fighter(spec="key:", public_key=key) for name, key in keys.items()}, plan("far", "near")[:1])
+        assert not pit.receive()
+        assert pit.present == {"far", "near"}
+
+        assert not pit.receive()
+
+        assert not pit.present
+        assert pit.awaited == {"far", "near"}
