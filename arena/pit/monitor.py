@@ -115,7 +115,7 @@ class PitMonitor:
         return [
             Reading(WORKER_UP, {name: float(one.is_ready) for name, one in workers.items()}),
             Reading(WORKER_RESTARTS, {name: one.n_restarts for name, one in workers.items()}),
-            Reading(WORKER_MATCHES, {name: n_matches[name] for name in workers}),
+            Reading(WORKER_MATCHES, n_matches),
             Reading(WORKER_PROCESSOR_SECONDS, {name: one.load.processor_s for name, one in workers.items()}),
             Reading(WORKER_RESIDENT_BYTES, {name: one.load.resident_bytes for name, one in workers.items()}),
             Reading(WORKER_FILES, {name: one.load.n_files for name, one in workers.items()}),
