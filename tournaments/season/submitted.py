@@ -31,11 +31,15 @@ class SubmittedFolder:
         """Keep what came until it is checked, and return its digest; `OSError` if it cannot be written."""
         digest = digest_of(packed)
         descriptor, name = tempfile.mkstemp(dir=self._folder, prefix=_CHECKING)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(packed)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).replace(self._packed(entry, digest))
+        try:
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(packed)
+                file.flush()
+                os.fsync(file.fileno())
+            Path(name).replace(self._packed(entry, digest))
+        except OSError:
+            Path(name).unlink(missing_ok=True)  # what a full disk took is sent again and again
+            raise
         return digest
 
     def read(self, entry: str, digest: str, most_bytes: int) -> Submission:

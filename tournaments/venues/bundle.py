@@ -163,9 +163,13 @@ def _write(path: Path, file: _File) -> None:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         if not path.is_file() or path.read_bytes() != file.content or os.access(path, os.X_OK) != file.is_executable:
             descriptor, part = tempfile.mkstemp(dir=path.parent)  # others may unpack the same
-            with os.fdopen(descriptor, "wb") as copy:
-                copy.write(file.content)
-            Path(part).chmod(0o700 if file.is_executable else 0o600)
-            Path(part).replace(path)
+            try:
+                with os.fdopen(descriptor, "wb") as copy:
+                    copy.write(file.content)
+                Path(part).chmod(0o700 if file.is_executable else 0o600)
+                Path(part).replace(path)
+            except OSError:
+                Path(part).unlink(missing_ok=True)
+                raise
     except OSError as error:
         raise InputError(f"cannot unpack {path.name} into {path.parent}: {error.strerror}") from error

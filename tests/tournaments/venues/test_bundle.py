@@ -1,5 +1,6 @@
 """Fighters on their way to another machine: their files and folders come along, and are found there."""
 
+import resource
 import shlex
 import subprocess
 import sys
@@ -97,3 +98,18 @@ def test_a_folder_that_is_too_large_to_be_sent_is_refused_in_a_sentence(
 def test_a_file_that_is_not_there_is_refused_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^cannot read the bot file .*bot\.py: No such file or directory$"):
         pack({"one": str(tmp_path / "bot.py")})
+
+
+def test_a_disk_that_is_full_is_one_sentence_and_keeps_no_part_of_a_file(tmp_path: Path, cache: Path) -> None:
+    (tmp_path / "bot.py").write_text(100 * "# a long bot\n")
+    packed = pack({"one": str(tmp_path / "bot.py")})
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        with pytest.raises(InputError, match=r"cannot unpack bot\.py into"):
+            packed.unpack()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    assert not [path for path in cache.rglob("*") if path.is_file()]
