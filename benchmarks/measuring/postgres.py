@@ -61,7 +61,7 @@ class Cluster:
         if shutil.which("setpriv"):  # end with whoever started it, however that ends
             command = ["setpriv", "--pdeathsig", "QUIT", *command]
         is_ready: list[str | Path] = [self._programs / "pg_isready", "-q", "-h", "127.0.0.1", "-p", str(self.port)]
-        give_up_at = time.monotonic() + START_S
+        give_up_at_s = time.monotonic() + START_S
         with (self._folder / "log").open("ab") as log:
             while True:
                 server = self._server
@@ -70,7 +70,7 @@ class Cluster:
                     self._server = server
                 if subprocess.run(is_ready, check=False).returncode == 0 and server.poll() is None:
                     return
-                if time.monotonic() > give_up_at:
+                if time.monotonic() > give_up_at_s:
                     raise TimeoutError((self._folder / "log").read_text(errors="replace")[-2_000:])
                 try:
                     server.wait(timeout=0.05)

@@ -50,7 +50,7 @@ class Commander:
         advice
             What the autopilot would do, an action per unit; None without one.
         deadline_s
-            When the turn ends by itself, on the clock of `view`; None where no clock runs.
+            When the turn ends by itself, on the clock of `view_model`; None where no clock runs.
         """
         self._seen, self._advice, self._deadline_s = seen, advice, deadline_s
         self._fresh.clear()
