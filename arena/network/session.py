@@ -38,6 +38,8 @@ _COMMON = {
     # Nobody meets by accident: clients connect to the pit that they name.
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
+    # By default a router waits half a second for routers that it might find.
+    "scouting/delay": 0,
     # Batches in the queue of each peer: the most that Zenoh allows, so that a peer that waits for a busy core is not cut off.
     "transport/link/tx/queue/size/data": 16,
     # By shared memory, 10 MB from the same machine got past the bound on the size of messages.

@@ -67,8 +67,8 @@ def visit(browser: "Browser") -> Iterator[Callable[..., "Page"]]:
             return page
 
         yield opened
-    assert wrongs == []
-    assert hosts <= visited
+    assert wrongs == [], wrongs
+    assert hosts <= visited, hosts - visited
 
 
 def says(page: "Page", text: str) -> None:

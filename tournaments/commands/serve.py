@@ -1,5 +1,6 @@
 """The command that opens a pit: `arena serve`, with its ladder and its web page."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -112,8 +113,6 @@ def serve(
     from arena.pit.register import Register, read_invites
     from arena.pit.workers.machines import HERE, parse_machine
     from arena.protocol.topics import MOST_WORKERS, check_chunk
-    from tournaments.ladder.ladder import RatedLadder
-    from tournaments.ladder.methods import DEFAULT, find_ladder
     from tournaments.web_page import PagePlace, check, web_page
 
     if db and not ladder:
@@ -148,7 +147,7 @@ def serve(
     n_cores = len(os.sched_getaffinity(0))
     if workers > n_cores:
         say(f"arena: warning: {workers} workers share {n_cores} cores; more than --workers {n_cores} is of no use here", err=True)
-    open_ladder = find_ladder(ladder_method or DEFAULT) if ladder else None
+    open_ladder = _find_ladder(ladder_method) if ladder else None
     folder = data_folder(data)
     identity = load_or_make(folder / "keys" / "pit.key")
     chosen = PitSettings(
@@ -188,7 +187,7 @@ def serve(
     with opened as kept, ExitStack() as beside:
         monitor = PitMonitor() if metrics else None
         if monitor is not None:
-            of_store = kept.readings if isinstance(kept, RatedLadder) else list
+            of_store = _readings_of(kept)
             beside.enter_context(serve_metrics(metrics, lambda: [*monitor.read(), *of_store()], monitor.check_health))
         server = Pit(replace(chosen, ladder=kept, monitor=monitor))
         for number in (signal.SIGTERM, signal.SIGINT):
@@ -196,6 +195,21 @@ def serve(
         n_left = server.run(on_open, lambda played: say(_describe(played)))
     if n_left:
         say(f"{n_left} matches are unfinished; arena serve with the same --data takes them up again")
+
+
+def _find_ladder(method: str) -> Any:
+    from tournaments.ladder.methods import DEFAULT, find_ladder  # and SQL, which takes half a second
+
+    return find_ladder(method or DEFAULT)
+
+
+def _readings_of(ladder: Any) -> Callable[[], list[Any]]:
+    """Return what tells a monitor of the store of our own ladder; of no other is anything known."""
+    if ladder is None:
+        return list
+    from tournaments.ladder.ladder import RatedLadder
+
+    return ladder.readings if isinstance(ladder, RatedLadder) else list
 
 
 def _describe(played: Any) -> str:
