@@ -7,6 +7,8 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 READY := .venv/.ready
 
+# One more than cores: a third of the tests' time is waiting.
+TESTERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 # The tests start thousands of processes, each of which would compile every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -38,10 +40,10 @@ check: $(READY) ## ruff, mypy and lint-imports
 	$(BIN)/lint-imports --no-logo
 
 test: check ## check, then pytest, in sizes that take minutes
-	$(BIN)/pytest -n auto --dist worksteal
+	$(BIN)/pytest -n $(TESTERS) --dist worksteal
 
 test-full: check ## the same, in the sizes that claims need
-	ARENA_TEST_SIZE=full $(BIN)/pytest -n auto --dist worksteal
+	ARENA_TEST_SIZE=full $(BIN)/pytest -n $(TESTERS) --dist worksteal
 
 format: $(READY) ## let ruff rewrite the sources
 	$(BIN)/ruff check --fix .

@@ -35,10 +35,9 @@ _MOST_WIRE_BYTES = MOST_BYTES + 4_000
 _MOST_NAME_BYTES = 32
 """Of a session's name in Zenoh."""
 _COMMON = {
-    # Nobody meets by accident: clients connect to the pit that they name.
+    # Nobody meets by accident: clients connect to the pit that they name. A router would wait half a second for others.
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
-    # By default a router waits half a second for routers that it might find.
     "scouting/delay": 0,
     # Batches in the queue of each peer: the most that Zenoh allows, so that a peer that waits for a busy core is not cut off.
     "transport/link/tx/queue/size/data": 16,

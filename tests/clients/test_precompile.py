@@ -88,7 +88,7 @@ def test_a_planner_loads_no_kernel_when_it_first_leaves_its_blueprint(planner: s
     assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
 
 
-@pytest.mark.parametrize("fighter", ["champion", "patrol"])
+@pytest.mark.parametrize("fighter", ["champion", "patrol"] if os.environ.get("ARENA_TEST_SIZE") == "full" else ["patrol"])
 def test_on_a_new_machine_all_is_compiled_before_the_first_match(fighter: str, tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", FIRST_MATCH, fighter, str(tmp_path)],

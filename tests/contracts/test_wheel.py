@@ -121,6 +121,7 @@ def test_help_lists_the_commands(installed: Installed) -> None:
     assert all(command in done.stdout for command in ("join", "play", "replay", "tournament"))
 
 
+@pytest.mark.skipif(os.environ.get("ARENA_TEST_SIZE") != "full", reason="compiles the rules for a minute; make test-full")
 def test_with_the_lowest_versions_a_league_is_played_over_the_network_and_reported(installed: Installed, tmp_path: Path) -> None:
     league = tmp_path / "lowest.toml"
     league.write_text(LEAGUE)
