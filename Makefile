@@ -13,7 +13,7 @@ TESTERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup tournament test test-full check format layout reference docs bench clean
+.PHONY: help setup tournament pytest test test-full check format layout reference docs bench clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -39,8 +39,10 @@ check: $(READY) ## ruff, mypy and lint-imports
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
-test: check ## check, then pytest, in sizes that take minutes
+pytest: $(READY) ## the tests, in sizes that take minutes
 	$(BIN)/pytest -n $(TESTERS) --dist worksteal
+
+test: check pytest ## check, then pytest
 
 test-full: check ## the same, in the sizes that claims need
 	ARENA_TEST_SIZE=full $(BIN)/pytest -n $(TESTERS) --dist worksteal
