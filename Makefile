@@ -7,8 +7,6 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 READY := .venv/.ready
 
-# One more than cores: a third of the tests' time is waiting.
-TESTERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 # The tests start thousands of processes, each of which would compile every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -40,12 +38,12 @@ check: $(READY) ## ruff, mypy and lint-imports
 	$(BIN)/lint-imports --no-logo
 
 pytest: $(READY) ## the tests, in sizes that take minutes
-	$(BIN)/pytest -n $(TESTERS) --dist worksteal
+	$(BIN)/pytest -n auto --dist worksteal
 
 test: check pytest ## check, then pytest
 
 test-full: check ## the same, in the sizes that claims need
-	ARENA_TEST_SIZE=full $(BIN)/pytest -n $(TESTERS) --dist worksteal
+	ARENA_TEST_SIZE=full $(BIN)/pytest -n auto --dist worksteal
 
 format: $(READY) ## let ruff rewrite the sources
 	$(BIN)/ruff check --fix .

@@ -192,13 +192,13 @@ def test_in_short_turns_it_thinks_less_and_says_so_once(caplog: pytest.LogCaptur
 
     planners = [Thorough(PAPER, Team.BLUE, 1), Thorough(PAPER, Team.BLUE, 1)]
     for planner in planners:
-        planner.set_turn_time(0.05)
+        planner.set_turn_time(0.5)  # long enough on a busy core
 
     budget = planners[0]._effort.budget
     assert LEAST_BUDGET <= budget < Thorough.budget
     assert planners[1]._effort == planners[0]._effort == Effort.of(budget)
     assert [record.getMessage() for record in caplog.records] == [
-        f"thorough: turns of 0.05 s leave room for {budget:,} of its {Thorough.budget:,} playouts"
+        f"thorough: turns of 0.5 s leave room for {budget:,} of its {Thorough.budget:,} playouts"
     ]
 
 
