@@ -139,8 +139,7 @@ class _LockedSession:
             yield self._connection
 
     def _take(self) -> Connection:
-        # Every statement commits by itself, so that no transaction stays open between two matches.
-        connection = self._engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+        connection = self._engine.connect()
         try:
             with connection.begin():
                 # The server is to notice within a minute, too, that this machine vanished.

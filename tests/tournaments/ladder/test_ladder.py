@@ -10,6 +10,7 @@ from threading import Event
 from typing import Any
 
 import pytest
+from sqlalchemy import event
 
 from arena.errors import ArenaError
 from arena.game.types import Team, Termination
@@ -89,6 +90,23 @@ def test_a_match_is_counted_once_whoever_brings_it(store_url: str) -> None:
 
         assert {player.name: player.mu for player in store.entries("pit")} == {"ann": 30.0, "bob": 20.0}
         assert store.counted("pit") == {match(1).identity}
+
+
+def test_a_server_that_dies_between_a_match_and_its_ratings_keeps_both_or_neither(cluster: Any) -> None:
+    before = {team: LadderEntry(key=name, name=name) for team, name in zip(Team, ("ann", "bob"), strict=True)}
+    after, deaths = rate(before, match(0).result), []
+    with LadderStore(cluster.make_database()) as store, store.keep("pit"):
+
+        @event.listens_for(store._engine, "after_cursor_execute")
+        def die(*arguments: Any) -> None:
+            if "INSERT INTO ladder_matches" in arguments[2] and not deaths:
+                deaths.append(1)
+                cluster.kill()
+                cluster.start()
+
+        assert store.count_match("pit", match(0), after)
+        assert deaths
+        assert store.entries("pit") == list(after.values())
 
 
 def test_a_void_match_is_kept_and_moves_nothing(ladder: RatedLadder, tmp_path: Path) -> None:

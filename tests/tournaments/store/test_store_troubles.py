@@ -14,7 +14,6 @@ from typing import Any
 import psycopg
 import pytest
 from outcomes import ended
-from sqlalchemy import event
 
 from arena.metrics.definitions import STORE_FAILURES
 from tournaments.outcome import Outcome
@@ -61,18 +60,21 @@ def test_a_server_that_is_killed_again_and_again_keeps_every_match_once(cluster:
         assert [outcome.identity for outcome in store.outcomes(store.get("friday"))] == sorted(added)
 
 
-def test_a_match_whose_server_died_before_it_answered_is_stored_once(cluster: Any) -> None:
+def test_a_match_whose_server_died_before_it_answered_is_stored_once(cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     with Store(cluster.make_database()) as store, store.lock("friday"):
         league, deaths = store.enter("friday", FACTS, 1), []
 
-        @event.listens_for(store._engine, "after_cursor_execute")
-        def die(*arguments: Any) -> None:
-            if "INSERT INTO matches" in arguments[2] and not deaths:  # in the session of a lock, it is committed now
+        commit = store._engine.dialect.do_commit
+
+        def commit_and_die(connection: Any) -> None:
+            commit(connection)
+            if not deaths:
+                deaths.append(1)
                 cluster.kill()
                 cluster.start()
-                deaths.append(1)
                 raise psycopg.OperationalError("server closed the connection unexpectedly")
 
+        monkeypatch.setattr(store._engine.dialect, "do_commit", commit_and_die)
         assert store.add(league, end("friday/0"))
         assert deaths
         assert not store.add(league, end("friday/0"))
