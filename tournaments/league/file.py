@@ -176,7 +176,7 @@ class _Reader:
         if not isinstance(given, list):
             raise self._error(f"says trusted = {_toml(given)}; it must be a list of entries' names")
         for name in given:
-            if name not in entries:
+            if not isinstance(name, str) or name not in entries:
                 raise UnknownNameError(f"entry that league {self._name} trusts", str(name), entries)
         return frozenset(given)
 
@@ -195,9 +195,9 @@ class _Reader:
                 "has a challenger in a gauntlet or an sprt, and only there; "
                 'write pairing = "gauntlet" and challenger = "NAME", or neither'
             )
-        if challenger is not None and challenger not in entries:
+        if challenger is not None and (not isinstance(challenger, str) or challenger not in entries):
             raise UnknownNameError(f"challenger of league {self._name}", str(challenger), entries)
-        return None if challenger is None else str(challenger)
+        return challenger
 
     def _sprt(self, entries: Mapping[str, str]) -> Sprt | None:
         given = self._values.get("sprt")

@@ -114,11 +114,15 @@ def _file(key: str, value: Any, folder: Path) -> Path:
 
 
 def _page(key: str, value: Any) -> str:
-    if not isinstance(value, str) or urlsplit(value).scheme not in ("http", "https") or not urlsplit(value).hostname:
+    try:
+        parts = urlsplit(value if isinstance(value, str) else "")
+    except ValueError:
+        parts = urlsplit("")
+    if parts.scheme not in ("http", "https") or not parts.hostname:
         raise InputError(
             f"says {key} = {json.dumps(value, default=str)}; it must be an address such as https://arena.example.org"
         )
-    return value
+    return str(value)
 
 
 def _endpoint(key: str, value: Any) -> str:

@@ -174,6 +174,11 @@ def test_in_a_gauntlet_one_meets_all_the_others() -> None:
         ('challenger = "rush"\nentries = ["rush", "patrol"]', "has a challenger in a gauntlet or an sprt, and only there"),
         ('pairing = "gauntlet"\nhero = "rush"\nentries = ["rush", "patrol"]', 'hero = "rush"; the key is called challenger now'),
         ('pairing = "gauntlet"\nchallenger = "rsh"\nentries = ["rush", "patrol"]', "did you mean 'rush'"),
+        (
+            'pairing = "gauntlet"\nchallenger = ["rush"]\nentries = ["rush", "patrol"]',
+            "unknown challenger of league g \"['rush']\"",
+        ),
+        ('trusted = [["rush"]]\nentries = ["rush", "patrol"]', "unknown entry that league g trusts \"['rush']\""),
         ('pairing = "knockout"\nentries = ["rush", "patrol"]', "unknown pairing of league g 'knockout'"),
         ('maps = "old"\nentries = ["rush", "patrol"]', "unknown maps of league g 'old'"),
         (
@@ -314,6 +319,7 @@ SEASON = "[season]\n"
         (SEASON + 'invites = "gone.txt"', "a file with a code on each line"),
         ("pairs = 3\n" + SEASON, "chooses its pairs itself"),
         ("season = 3", "write its terms below [season]"),
+        (f'{SEASON}page = "https://[here"', 'page = "https://[here"; it must be an address such as'),
         (f'name = "{"s" * 60}"\n[season]\n[entries]\n{"a" * 60} = "rush"', "an entry's may have 51 letters"),
     ],
 )
