@@ -32,8 +32,8 @@ class Leagues:
     def __init__(self, data: Path, db: str) -> None:
         self._folders = Folders(data=data)
         self._db = db or str(data / "arena.db")
-        self._reports: dict[str, tuple[tuple[str, int, int], dict[str, Any]]] = {}
-        """By league: its hash, its pairs and how many results it had, and what was reported of them."""
+        self._reports: dict[str, tuple[tuple[object, ...], dict[str, Any]]] = {}
+        """By league: its hash, its pairs, its secret if that is known, how many results it had, and what was reported of them."""
         self._kept: dict[str, JournalFolder] = {}
         """By league."""
         self._courses: dict[tuple[str, str], Course] = {}
@@ -53,8 +53,8 @@ class Leagues:
             league = store.get(name)
             if league.is_season:
                 raise InputError(f"{name} is a season: its page is /seasons/{name}")
-            state = league.hash, league.n_pairs, store.count(league)
-            before, document = self._reports.get(name, (("", 0, 0), {}))
+            state = league.hash, league.n_pairs, league.secret, store.count(league)
+            before, document = self._reports.get(name, ((), {}))
             if before == state:
                 return document
             outcomes = store.outcomes(league)
@@ -63,7 +63,7 @@ class Leagues:
             report = make_report(league, outcomes)
         document = {**to_document(report), "leaderboard": as_web_table(report.standings.rows)}
         document["results"] = [{"identity": one.identity, "blue": one.blue, "red": one.red} for one in outcomes]
-        self._reports[name] = (*state[:2], len(outcomes)), document
+        self._reports[name] = (*state[:-1], len(outcomes)), document
         return document
 
     def head_to_head(self, name: str, one: str, other: str) -> dict[str, Any]:
@@ -75,7 +75,7 @@ class Leagues:
                 raise UnknownNameError("entry", entry, elo)
         with self._open() as store:
             league = store.get(name)
-            outcomes = store.outcomes(league)
+            outcomes = league.current(store.outcomes(league))
         tags = tag_results(outcomes, elo)
         visible = find_visible((each.identity for each in outcomes), league.n_pairs, is_complete=report["matches"]["complete"])
         for outcome in outcomes:

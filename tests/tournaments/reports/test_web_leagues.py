@@ -5,6 +5,7 @@ from shutil import copytree
 
 import pytest
 from commands import run_here
+from outcomes import met
 
 from arena.display.replay_frames import describe_match
 from arena.errors import ArenaError, UnknownNameError
@@ -89,6 +90,30 @@ def test_a_raised_number_of_pairs_is_seen_though_no_match_was_played_since(data:
         store.enter("friday", store.get("friday").definition, 9)
 
     assert leagues.report("friday")["matches"] | {"complete": False, "planned": 18} == leagues.report("friday")["matches"]
+
+
+def test_two_entries_are_compared_by_their_current_versions_where_a_league_has_earlier_ones(tmp_path: Path) -> None:
+    facts = {"ruleset": "paper", "rules": "1", "clock": {}}
+    with Store(str(tmp_path / "arena.db")) as store:
+        for label, code in (("ann", "0" * 64), ("ann.2", "1" * 64)):
+            league = store.enter("course", {**facts, "entries": {"ann": f"ann.py {code}", "rush": "rush"}}, 1)
+            for blue in (label, "rush"):
+                store.add(league, met(label, "rush", 0, blue, Team.BLUE, league="course"))
+    leagues = Leagues(tmp_path, "")
+
+    assert leagues.head_to_head("course", "ann.2", "rush")["record"]["pairs"] == 1
+    with pytest.raises(UnknownNameError, match="unknown entry 'ann'"):
+        leagues.head_to_head("course", "ann", "rush")
+
+
+def test_the_report_of_a_league_that_is_closed_tells_its_secret(data: Path) -> None:
+    leagues = Leagues(data, "")
+    assert leagues.report("friday")["league"]["secret"] is None
+
+    with Store(str(data / "arena.db")) as store:
+        store.close(store.get("friday"), bytes(32))
+
+    assert leagues.report("friday")["league"]["secret"] == bytes(32).hex()
 
 
 def test_a_decided_test_shows_the_journals_of_its_whole_pairs(duel: Path) -> None:
