@@ -64,7 +64,7 @@ def back_up(file: Path, folder: Path, db: str) -> Copied:
         raise InputError(f"there is no data folder {folder} to be backed up; name it with --data")
     if file.resolve().is_relative_to(folder.resolve()):
         raise InputError(f"{file} lies in {folder}, which it is a backup of; name a file elsewhere")
-    own = folder / "arena.db"
+    own, real = folder / "arena.db", folder.resolve()
     store = db or (str(own) if own.exists() else "")
     try:
         descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, _OWNER)
@@ -72,8 +72,9 @@ def back_up(file: Path, folder: Path, db: str) -> Copied:
         raise InputError(f"cannot write the backup {file}: {error.strerror}; name another file") from error
     try:
         with os.fdopen(descriptor, "wb") as raw, tarfile.open(fileobj=raw, mode="w:gz", compresslevel=_LEVEL) as tar:
-            n_rows = _write_store(tar, store)
-            return _write_files(tar, folder, lambda path: _is_of_store(folder / path, store), n_rows)
+            n_rows, own_file = _write_store(tar, store)
+            of_store = {f"{own_file}{end}" for end in ("", "-wal", "-shm", "-journal")}  # which SQLite lays beside it
+            return _write_files(tar, folder, lambda path: str(real / path) in of_store, n_rows)
     except BaseException as error:
         file.unlink(missing_ok=True)
         if isinstance(error, OSError):
@@ -81,17 +82,12 @@ def back_up(file: Path, folder: Path, db: str) -> Copied:
         raise
 
 
-def _is_of_store(path: Path, store: str) -> bool:
-    """Whether a file is the store in SQLite itself, or one of those that SQLite lays beside it."""
-    return any(str(path) == f"{store.removeprefix('sqlite:///')}{end}" for end in ("", "-wal", "-shm", "-journal"))
-
-
-def _write_store(tar: tarfile.TarFile, store: str) -> int | None:
-    """Write the manifest, and every table of a store; return how many rows it has."""
+def _write_store(tar: tarfile.TarFile, store: str) -> tuple[int | None, str | None]:
+    """Write the manifest, and every table of a store; return how many rows it has, and its file if it is one."""
     facts: dict[str, Any] = {"format": _FORMAT, "arena": version("arena-pit"), "store": None}
     if not store:
         _add_manifest(tar, facts)
-        return None
+        return None, None
     with CopiedStore(store, make=False) as copied, copied.tables() as (facts["store"], tables):
         _add_manifest(tar, facts)
         n_rows = 0
@@ -102,7 +98,7 @@ def _write_store(tar: tarfile.TarFile, store: str) -> int | None:
                     n_rows += 1
                 _add(tar, tarfile.TarInfo(f"{_STORE}{name}"), spool)
             n_rows -= 1  # the first line names the columns
-        return n_rows
+        return n_rows, copied.file
 
 
 def _write_files(tar: tarfile.TarFile, folder: Path, is_stored: Callable[[PurePosixPath], bool], n_rows: int | None) -> Copied:

@@ -151,6 +151,22 @@ def test_a_store_comes_back_on_either_database_and_goes_on(
         assert store.enter("saturday", FACTS, 1).id > league.id
 
 
+@pytest.mark.parametrize("db", ["{data}/arena.db", "./data/arena.db", "sqlite:///{data}/../data/arena.db"])
+def test_a_store_in_the_folder_is_no_file_of_it_however_it_is_named(
+    db: str, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with Store(str(data / "arena.db")) as store:
+        league = store.enter("friday", FACTS, 1)
+
+        copied = back_up(tmp_path / "backup", Path("data"), db.format(data=data))
+        restore(tmp_path / "backup", tmp_path / "new", "")
+
+    assert copied.n_files == 2
+    with Store(str(tmp_path / "new" / "arena.db"), make=False) as store:
+        assert store.latest() == league
+
+
 def test_a_store_is_backed_up_as_it_stands_at_one_moment(store_url: str, data: Path, tmp_path: Path) -> None:
     from tournaments.store.copies import CopiedStore
 

@@ -49,6 +49,13 @@ class Database:
     def __exit__(self, *_: object) -> None:
         self._engine.dispose()
 
+    @property
+    def file(self) -> str | None:
+        """The real path of a store in SQLite; None for one on a server, or in memory."""
+        if self._engine.dialect.name == "postgresql" or self._where == ":memory:":
+            return None
+        return os.path.realpath(self._where.removeprefix("file:").partition("?")[0])
+
     def readings(self) -> list[Reading]:
         """Return what a monitor is told, on any thread."""
         with self._counting:
@@ -102,11 +109,10 @@ class Database:
             Another scheduler runs the league.
         """
         if self._engine.dialect.name != "postgresql":
-            if self._where == ":memory:":  # where nobody else can come
+            if self.file is None:  # where nobody else can come
                 yield
                 return
-            file = os.path.realpath(self._where.removeprefix("file:").partition("?")[0])
-            with lock_file(Path(f"{file}.{league}.lock"), league):
+            with lock_file(Path(f"{self.file}.{league}.lock"), league):
                 yield
             return
         session = _LockedSession(self._engine, self._where, league)
