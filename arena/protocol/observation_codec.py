@@ -44,7 +44,7 @@ class ObservationWriter:
         """Say how much extra time the seat has left."""
         if bank_s != self._bank_s:  # as it seldom is
             self._bank_s = bank_s
-            self._clock_ms[0] = min(max(int(bank_s * 1000), 0), NO_CLOCK_MS - 1)
+            self._clock_ms[0] = int(min(max(bank_s * 1000, 0), NO_CLOCK_MS - 1))
 
     def write(self) -> bytes:
         """Return the bytes of what the seat sees now."""

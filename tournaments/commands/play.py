@@ -62,7 +62,7 @@ def play(
     margin: Annotated[
         float | None,
         typer.Option(
-            min=1, metavar="ELO", help="With --until-sure: the difference to be found; 50 without it. Less takes longer."
+            min=1, max=2e3, metavar="ELO", help="With --until-sure: the difference to be found; 50 without it. Less takes longer."
         ),
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; one per core without it.")] = None,

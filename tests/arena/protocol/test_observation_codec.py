@@ -1,5 +1,6 @@
 from collections.abc import Callable
 from dataclasses import fields
+from math import inf
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from arena.game.types import Team
 from arena.protocol.observation_codec import ObservationReader, ObservationWriter
 
 PAPER = load("paper")
-CLOCKS = st.none() | st.floats(0, 1e9, allow_nan=False)
+CLOCKS = st.none() | st.floats(0, 1e9, allow_nan=False) | st.just(inf)
 
 
 def any_game(rules: Ruleset, seed: int) -> BatchedGame:

@@ -146,6 +146,6 @@ def test_two_files_of_one_name_are_told_apart(here: Run, tmp_path: Path) -> None
     assert said[-1].startswith("it is not shown who is better, mybot or mybot-2: mybot scores 0.50 +- 0.78 after 2 pairs; ")
 
 
-@pytest.mark.parametrize("arguments", [("--margin", 50), ("--margin", 0, "--until-sure")])
+@pytest.mark.parametrize("arguments", [("--margin", 50), ("--margin", 0, "--until-sure"), ("--margin", 1e5, "--until-sure")])
 def test_a_margin_that_means_nothing_is_refused(here: Run, arguments: tuple[object, ...]) -> None:
     assert here("play", "rush", "patrol", *arguments).returncode == 2
