@@ -36,7 +36,8 @@ GROUP = "arena.shares"
 """An entry point of it is a `ShareMethod`."""
 _SEED = 20_032
 _N_DRAWS = 200
-_MOST_SCALE = 1e6
+_SCALES = (1e6, 1e5, 1e4, 1e3)
+"""How large the shares of one point are at most; where payoffs are of many sizes, the solver gives up on the larger ones."""
 _DRIFT = 0.01
 """How likely a walk's move to a beaten entry is, beside one to an entry that wins."""
 
@@ -99,12 +100,16 @@ def unbeaten_mixture(payoff: Floats) -> Floats:
     # A point inside of all equilibria: as many shares above 0, and as many entries that lose to it, as any equilibrium has
     # (Freund, Roundy and Todd, 1985).
     eye, zero = np.eye(n), np.zeros((n, n))
-    inside = linprog(
-        c=[0] * n + [-1] * 2 * n,
-        A_ub=np.block([[-eye, eye, zero], [payoff, zero, eye]]),
-        b_ub=np.zeros(2 * n),
-        bounds=[(0, _MOST_SCALE)] * n + [(0, 1)] * 2 * n,
-    ).x
+    for scale in _SCALES:
+        found = linprog(
+            c=[0] * n + [-1] * 2 * n,
+            A_ub=np.block([[-eye, eye, zero], [payoff, zero, eye]]),
+            b_ub=np.zeros(2 * n),
+            bounds=[(0, scale)] * n + [(0, 1)] * 2 * n,
+        )
+        if found.success:
+            break
+    inside = found.x
     is_used, is_losing = inside[n : 2 * n] > 0.5, inside[2 * n :] > 0.5
     start: Floats = np.where(is_used, inside[:n], 0) / inside[:n][is_used].sum()
     ways = null_space(np.vstack([np.ones(n), np.eye(n)[~is_used], payoff[~is_losing]]))

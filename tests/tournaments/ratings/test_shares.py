@@ -75,6 +75,18 @@ def test_no_entry_beats_the_mixture(n: int, seed: int, is_coarse: bool) -> None:
     assert (payoff @ mixture).max() <= 1e-6
 
 
+@pytest.mark.parametrize("seed", [4599, 7433, 8038, 8348])
+def test_a_mixture_is_found_where_payoffs_are_of_many_sizes(seed: int) -> None:
+    points = np.random.default_rng(seed).standard_gamma(0.5, (30, 30))  # as a bootstrap draws fixtures that were not played
+    points[0] *= 3
+    payoff = (points - points.T) / np.maximum(points + points.T, 1)
+
+    shares = unbeaten_mixture(payoff)
+
+    assert shares.sum() == pytest.approx(1)
+    assert (shares @ payoff).min() > -1e-5
+
+
 def test_of_many_mixtures_it_is_the_one_of_largest_entropy() -> None:
     even_at_the_top = np.array([[0.0, 0, 1], [0, 0, 1], [-1, -1, 0]])
     two_circles = np.kron(np.eye(2), CIRCLE)  # of three each, and all even between them
