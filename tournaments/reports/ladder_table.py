@@ -1,12 +1,13 @@
 """The standings of a ladder as a table or as JSON, read from the store."""
 
 import json
+import time
 from collections.abc import Sequence
 from typing import Any
 
 from arena.console import format_table
 from tournaments.ladder.ladder_store import LadderStore
-from tournaments.ladder.skill import SURE, rank
+from tournaments.ladder.skill import SURE, age, rank
 from tournaments.store.schema import StoreError
 
 FORMATS = ("text", "json")
@@ -17,8 +18,10 @@ _COLUMNS = {"rank": "", "entry": "", "rating": _RATING, "estimate": "with its 95
 _LOW_FIRST = ("rank", "entry")
 
 
-def read_ladder(url: str, ladder: str) -> tuple[str, list[dict[str, Any]]]:
+def read_ladder(url: str, ladder: str, now_s: float | None = None) -> tuple[str, list[dict[str, Any]]]:
     """Return a ladder's name and its standings; without its name, of the one on which a match was counted last.
+
+    They are as sure as at `now_s`, in seconds since 1970; now without it.
 
     Raises
     ------
@@ -27,7 +30,8 @@ def read_ladder(url: str, ladder: str) -> tuple[str, list[dict[str, Any]]]:
     """
     with LadderStore(url, make=False) as store:
         name = ladder or store.latest_ladder()
-        rows = rank(store.entries(name))
+        now_s = time.time() if now_s is None else now_s
+        rows = rank([age(entry, now_s) for entry in store.entries(name)])
     if not rows:
         raise StoreError(f"the store holds no ladder of a pit called {name}; arena serve --ladder --pit {name} begins one")
     return name, rows

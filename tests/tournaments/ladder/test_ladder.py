@@ -20,7 +20,7 @@ from arena.protocol.identity import to_text
 from tournaments.ladder.ladder import RatedLadder, open_ladder
 from tournaments.ladder.ladder_store import LadderStore, TakenLadderError
 from tournaments.ladder.skill import LadderEntry, rate
-from tournaments.reports.ladder_table import render_ladder
+from tournaments.reports.ladder_table import read_ladder, render_ladder
 from tournaments.store.schema import StoreError
 
 KEYS = {name: bytes([number]) * 32 for number, name in enumerate(("ann", "bob", "cid"))}
@@ -264,6 +264,20 @@ def test_the_standings_are_printed_from_the_store(store_url: str) -> None:
     lines = [line.split() for line in render_ladder(store_url, "pit", "text").splitlines()]
     assert [line[:2] for line in lines if line and line[0] in "12"] == [["1", "ann"], ["2", "bob"]]
     assert [line[-4:] for line in lines if line and line[0] in "12"] == [["3", "0", "0", "0"], ["0", "0", "3", "3"]]
+
+
+def test_who_has_stayed_away_is_printed_as_less_sure_than_it_was(store_url: str) -> None:
+    day_s = 86_400.0
+    with open_ladder(store_url, "pit", RULES, clock=lambda: 1e9) as ladder:
+        for number in range(100):
+            ladder.count(match(number, winner=None))
+        before = ladder.standings()
+    with open_ladder(store_url, "pit", RULES, clock=lambda: 1e9 + 90 * day_s) as ladder:
+        after = ladder.standings()
+
+    assert after[0]["sigma"] > before[0]["sigma"]
+    assert read_ladder(store_url, "pit", now_s=1e9)[1] == before
+    assert read_ladder(store_url, "pit", now_s=1e9 + 90 * day_s)[1] == after
 
 
 def test_a_ladder_that_is_not_there_is_named(store_url: str) -> None:
