@@ -14,12 +14,15 @@ def find_global_randomness(source: str) -> list[tuple[int, str]]:
     """Return the calls of global randomness in Python source: line and name, as in (12, "random.choice").
 
     Names are followed through `import` and `from ... import` alone; what is assigned or handed on is not seen. Source that is not
-    Python has none.
+    Python, or is nested without end, has none.
     """
     try:
-        tree = ast.parse(source)
-    except (SyntaxError, ValueError):
+        return _find(ast.parse(source))
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
         return []
+
+
+def _find(tree: ast.AST) -> list[tuple[int, str]]:
     names = dict(_imports(tree))
     calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
     found = {(call.lineno, name) for call in calls if (name := _full_name(call.func, names)) and _is_global(name, call)}

@@ -214,6 +214,9 @@ def test_the_command_says_it_in_lines_or_as_json_and_by_its_exit_code(here: Aren
         ("def act(o):\n    return o.rng.integers(5, size=6)", []),
         ("random = 3\nrandom.x()", []),
         ("def act(", []),
+        pytest.param("-" * 100_000 + "1", [], id="deep"),
+        pytest.param("1+" * 100_000 + "1", [], id="long"),
+        pytest.param("import random\nrandom" + ".a" * 1_500 + "()", [], id="names"),
     ],
 )
 def test_calls_of_global_randomness_are_found_in_the_source(source: str, found: list[tuple[int, str]]) -> None:
