@@ -84,12 +84,14 @@ class PretendedVenue:
 
 
 class PretendedSeason:
-    """A season in a real store, with a clock that the test sets."""
+    """A season in a real store, with clocks that the test sets."""
 
     def __init__(self, url: str, folder: Path, elo: Mapping[str, float]) -> None:
         self.store = SeasonStore(url)
         self.folder = folder
         self.now_s = 1_000.0
+        self.set_back_s = 0.0
+        """By how much the clock on the wall was set back."""
         self.venue = PretendedVenue(elo)
         self.row = self.store.open_season("course", DEFINITION, self.now_s)
         self.runner = self.open()
@@ -100,7 +102,7 @@ class PretendedSeason:
         self.row = self.store.open_season("course", DEFINITION, self.now_s)
         self.runner = SeasonRunner(
             LEAGUE, self.store, self.row, SECRET, self.venue, folder=self.folder, journals=self.folder / "journals",
-            clock=lambda: self.now_s, rng=np.random.default_rng(1), n_cores=N_CORES,
+            clock=lambda: self.now_s - self.set_back_s, now=lambda: self.now_s, rng=np.random.default_rng(1), n_cores=N_CORES,
         )  # fmt: skip
         return self.runner
 

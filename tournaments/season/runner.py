@@ -70,15 +70,18 @@ class SeasonRunner:
         That matches are played on.
     owner_of
         Tells whose a key is: some may have one owner, whose entries never meet.
+    now
+        Returns seconds of a clock that is never set, for what is done some time after something else.
     """
 
     def __init__(
         self, league: League, store: SeasonStore, row: StoredLeague, secret: bytes, venue: OpenVenue, *,
         folder: Path, journals: Path, clock: Callable[[], float], rng: np.random.Generator,
         think_s: Mapping[str, float] | None = None, n_cores: int = 1, owner_of: Callable[[str], str] = str,
+        now: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         self._league, self._store, self._secret, self._venue = league, store, secret, venue
-        self._folder, self._journals, self._clock, self._rng = folder, journals, clock, rng
+        self._folder, self._journals, self._clock, self._now, self._rng = folder, journals, clock, now, rng
         self.row = row
         self.results = Results(store.count_results(row), stored := store.identities(row), store.count_forfeits(row))
         self.roster: Roster = read_roster(store, row, league, folder, think_s or {})
@@ -127,7 +130,7 @@ class SeasonRunner:
         if may_choose and len(self._moving) < least * self._n_cores:
             self._choose(most * self._n_cores)
         counted = [outcome for outcome in self._venue.receive() if self._count(outcome)]
-        now_s = self._clock()
+        now_s = self._now()
         if not self._is_rated and (now_s - self._rated_at_s >= self._rate_every_s or not self._plans):
             self.table = self._rate()
             self.publish(phase)
@@ -205,7 +208,7 @@ class SeasonRunner:
 
     def _take_off_the_absent(self) -> None:
         """Give up what nobody begins to play, since one of the two has left: it would keep others waiting."""
-        now_s = self._clock()
+        now_s = self._now()
         waiting = {label for plan in self._plans.values() for label in (plan.blue, plan.red)} & self._absent
         self._absent_since_s = {label: self._absent_since_s.get(label, now_s) for label in waiting}
         gone = {label for label, since_s in self._absent_since_s.items() if now_s - since_s >= ABSENT_S}
@@ -213,7 +216,7 @@ class SeasonRunner:
             self._venue.withdraw(gone, "it is not there")
 
     def _end_suspensions(self) -> None:
-        now_s = self._clock()
+        now_s = self._now()
         for label in [label for label, since_s in self._void_at_s.items() if now_s - since_s >= SUSPENSION_S]:
             del self._void_at_s[label], self._n_void[label]
 
@@ -237,7 +240,7 @@ class SeasonRunner:
             failing = self._venue.failing & set(labels)
             if not was_withdrawn and not failing:  # else it is known whose fault it is, and its opponent has none
                 self._n_void.update(labels)
-                self._void_at_s |= dict.fromkeys(labels, self._clock())
+                self._void_at_s |= dict.fromkeys(labels, self._now())
             if not failing and all(label in self.roster.entries and self._n_void[label] < MOST_VOID for label in labels):
                 self._add([plan])
             return False

@@ -365,6 +365,24 @@ def test_whoever_joins_by_itself_and_leaves_keeps_nobody_waiting(season: Pretend
     check_books(season)
 
 
+def test_a_clock_that_is_set_back_neither_stops_the_table_nor_prolongs_a_suspension(season: PretendedSeason) -> None:
+    season.venue.broken = {"rush"}
+    play(season, 40)
+    assert season.runner.suspended == ["rush"]
+    season.venue.broken.clear()
+    season.venue.most = 1  # something is always under way
+
+    season.set_back_s = 10 * SUSPENSION_S
+    play(season, 40)
+    season.now_s += SUSPENSION_S
+    season.runner.step(Phase.OPEN)
+
+    document = season.store.standings(season.row)
+    assert document is not None
+    assert document["matches"] > season.runner.results.n_matches - 10
+    assert season.runner.suspended == []
+
+
 def test_the_public_table_stands_still_while_the_season_is_frozen(season: PretendedSeason) -> None:
     play(season, 40)
     before = season.store.standings(season.row)
