@@ -19,6 +19,7 @@ from tournaments.reports.replays import find_visible, read_kept
 from tournaments.reports.report import make_report, to_document
 from tournaments.reports.tags import Course, read_course, tag_course, tag_results
 from tournaments.reports.web_seasons import check_journal_is_open
+from tournaments.running.duel import judge
 from tournaments.running.scheduler import Folders
 from tournaments.store.entry_history import EntryHistory
 
@@ -75,7 +76,9 @@ class Leagues:
                 raise UnknownNameError("entry", entry, elo)
         with self._open() as store:
             league = store.get(name)
-            outcomes = league.current(store.outcomes(league))
+            outcomes = tuple(league.current(store.outcomes(league)))
+        test = judge(league.definition, outcomes)
+        outcomes = outcomes if test is None else test.outcomes
         tags = tag_results(outcomes, elo)
         visible = find_visible((each.identity for each in outcomes), league.n_pairs, is_complete=report["matches"]["complete"])
         for outcome in outcomes:

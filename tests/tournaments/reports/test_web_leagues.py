@@ -139,6 +139,19 @@ def test_a_decided_test_shows_the_journals_of_its_whole_pairs(duel: Path) -> Non
         running_leagues.journal("better", outcomes[-2].identity)
 
 
+def test_matches_beyond_the_deciding_pair_of_a_test_count_between_its_entries_no_more_than_in_its_table(duel: Path) -> None:
+    leagues = Leagues(duel, "")
+    report = leagues.report("better")
+
+    met = leagues.head_to_head("better", "rush", "random")
+
+    assert report["sprt"]["matches_beyond"] > 0
+    assert met["record"]["pairs"] == report["sprt"]["pairs"]
+    assert {key: met["record"][key] for key in ("wins", "draws", "losses")} == {
+        key: report["cross"]["rush"]["random"][key] for key in ("wins", "draws", "losses")
+    }
+
+
 @pytest.fixture
 def half(data: Path) -> Path:
     """Return a store of the league as it was before its last match."""
