@@ -54,7 +54,8 @@ class Database:
         """The real path of a store in SQLite; None for one on a server, or in memory."""
         if self._engine.dialect.name == "postgresql" or self._where == ":memory:":
             return None
-        return os.path.realpath(self._where.removeprefix("file:").partition("?")[0])
+        where = self._where
+        return os.path.realpath(where.removeprefix("file:").partition("?")[0] if where.startswith("file:") else where)
 
     def readings(self) -> list[Reading]:
         """Return what a monitor is told, on any thread."""

@@ -191,8 +191,9 @@ def reach(url: str, *, must_exist: bool) -> tuple[Engine, str]:
     StoreError
         It is no place where a store can be.
     """
+    is_file = "://" not in url and (":" not in url or "/" in url)
     try:
-        parsed = make_url(url if ":" in url else f"sqlite:///{url}")
+        parsed = URL.create("sqlite", database=url) if is_file else make_url(url)
     except (ArgumentError, ValueError) as error:
         shown = re.sub("//.*@", "//***@", url)
         raise StoreError(f"--db is {shown!r}; it must be a file, or a URL like postgresql://user@host/database") from error

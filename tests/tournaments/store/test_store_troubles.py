@@ -192,6 +192,20 @@ def test_a_place_that_is_none_is_refused_without_its_password(url: str) -> None:
     assert "hush" not in str(caught.value)
 
 
+@pytest.mark.parametrize("name", ["2027-01-31T18:00", "what?now", "a%20b", "100%"])
+def test_a_store_lies_in_its_file_whatever_that_is_called(name: str, tmp_path: Path) -> None:
+    file = tmp_path / name / "arena.db"
+    file.parent.mkdir()
+
+    with Store(str(file)) as store, store.lock("friday"):
+        store.enter("friday", FACTS, 1)
+        assert {path.name for path in file.parent.iterdir()} >= {"arena.db", "arena.db.friday.lock"}
+
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    with Store(str(file), make=False) as store:
+        assert store.latest().name == "friday"
+
+
 FILL_THE_DISK = """
 import resource, sys
 from pathlib import Path
