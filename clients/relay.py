@@ -26,6 +26,8 @@ MOST_WAITING = 10_000
 """Messages and questions; what comes beyond is dropped."""
 _MOST_ASKED, _MOST_KEPT = 64, 64
 """Questions that the pit is asked at a time, and answers that are kept."""
+_MOST_WHO_WAIT = 10_000
+"""For answers of the pit; whoever comes beyond asks again."""
 _FRESH_S = 1.0
 """An answer is given for so long to whoever else asks the same."""
 _LOOK_S = 0.2
@@ -60,6 +62,7 @@ class Relay:
         self._inbox: SimpleQueue[Callable[[Session], None]] = SimpleQueue()
         self._asked: dict[_Question, list[Query]] = {}
         """Questions that wait for the pit's answer, and who asked each."""
+        self._n_who_wait = 0
         self._answers: OrderedDict[_Question, tuple[float, bytes]] = OrderedDict()
         pit = address.pit
         self._boards = [router.broadcast(key) for key in (topics.all_truths(pit), topics.all_delayed(pit))]
@@ -119,6 +122,7 @@ class Relay:
             for query in queries:
                 query.drop()
         self._asked.clear()
+        self._n_who_wait = 0
         self._answers.clear()
 
     def _follow(self, pit: Session, heard: list[Callable[[], None] | None]) -> None:
@@ -155,16 +159,25 @@ class Relay:
             query.answer(_NO_SEATS)
         elif now_s - answered_s < _FRESH_S:
             query.answer(answer)
+        elif self._n_who_wait >= _MOST_WHO_WAIT:
+            query.drop()
         elif question in self._asked:
-            self._asked[question].append(query)
+            self._wait(query, question)
         elif "*" in query.key or len(self._asked) >= _MOST_ASKED:
             query.drop()
         else:
-            self._asked[question] = [query]
+            self._asked[question] = []
+            self._wait(query, question)
             pit.ask(*question, partial(self._take_answer, question), ANSWER_S)
 
+    def _wait(self, query: Query, question: _Question) -> None:
+        self._asked[question].append(query)
+        self._n_who_wait += 1
+
     def _answer(self, question: _Question, payload: bytes) -> None:
-        for query in self._asked.pop(question, ()):
+        queries = self._asked.pop(question, [])
+        self._n_who_wait -= len(queries)
+        for query in queries:
             if payload:
                 query.answer(payload)
             else:

@@ -4,6 +4,7 @@ Those are for holders of the spectator key; a pit may also show them to everyone
 """
 
 import queue
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -19,7 +20,7 @@ from arena.game.types import Team
 from arena.network.address import Address
 from arena.network.session import Sample, Session, open_client, read_key, read_payload
 from arena.protocol import topics
-from arena.protocol.codec import decode
+from arena.protocol.codec import MOST_LISTED, decode
 from arena.protocol.messages import Ended, Lobby, PastTruth, PublicState, Signed, Truth
 from arena.protocol.observation_codec import ObservationReader
 from arena.protocol.sealing import Opener, truth_opener
@@ -31,6 +32,9 @@ MOST_WAITING = 1_000
 MOST_CLOSED = 5
 """Truths that do not open, in a row, by which a spectator key is known to be another pit's."""
 _SILENCE_S = 5.0
+"""After which the pit is asked whether a match still runs."""
+_MOST_SILENCE_S = 60.0
+"""Of a match that a full lobby does not name: then it is taken to be over."""
 Grid = NDArray[np.int8]
 
 
@@ -176,11 +180,15 @@ def watch(
         if not lobby.running:
             tell_waiting()
         ruleset = read_rules(lobby.ruleset)
+        asked_at_s = heard_at_s = time.monotonic()
         while True:
+            now_s = time.monotonic()
+            if now_s - asked_at_s > _SILENCE_S:
+                _check_running(session, address, pit_key, match, now_s - heard_at_s)
+                asked_at_s = time.monotonic()
             try:
                 read, sample = inbox.get(timeout=_SILENCE_S)
             except queue.Empty:
-                _check_running(session, address, pit_key, match)
                 continue
             try:
                 at = topics.read_match(read_key(sample))
@@ -193,15 +201,17 @@ def watch(
                 continue  # anybody may publish: only what the pit sealed or signed counts
             if frame is not None:
                 match = at
+                asked_at_s = heard_at_s = time.monotonic()
                 yield match, frame
                 if frame.ended is not None:
                     return
 
 
-def _check_running(session: Session, address: Address, pit_key: bytes, match: str) -> Lobby:
-    """Return the lobby; `LostPitError` if the match does not run."""
+def _check_running(session: Session, address: Address, pit_key: bytes, match: str, silent_s: float = 0.0) -> Lobby:
+    """Return the lobby; `LostPitError` if the match, which was not heard for so long, does not run."""
     lobby = ask_lobby(session, address, pit_key)
-    if match and all(one.get("match") != match for one in lobby.running):
+    is_known = len(lobby.running) < MOST_LISTED or silent_s > _MOST_SILENCE_S
+    if match and is_known and all(one.get("match") != match for one in lobby.running):
         raise LostPitError(f"match {match} does not run in {address.pit}; `arena watch` without --match waits for the next")
     return lobby
 

@@ -1,5 +1,6 @@
 """The sub-commands of the keys: `arena keys`."""
 
+import re
 from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +12,8 @@ from arena.errors import ArenaError, UnknownNameError
 if TYPE_CHECKING:
     from arena.protocol.identity import Identity
 
+_SCHEME = re.compile(r"arena(\+tls|\+unix)?://")
+"""Of an address, by whatever protocol: a pit is remembered by where it is."""
 keys = typer.Typer(no_args_is_help=True, help="Make and show the keys of entries, and forget those of pits.")
 
 
@@ -77,7 +80,7 @@ def forget_pit(
     """Forget a pit's key, and trust the one that it has next."""
     from arena.keyring.known_pits import forget
 
-    where = pit.removeprefix("arena://").partition("#")[0]
+    where = _SCHEME.sub("", pit, count=1).partition("#")[0]
     forget(where)
     say(f"forgot the pit at {where}; the key that it has next time is trusted")
 

@@ -51,15 +51,13 @@ from arena.pit.rationed_queue import RationedQueue
 from arena.pit.register import Register
 from arena.pit.seating import Seating
 from arena.pit.workers.remote_sessions import RemoteSessions, Worker
-from arena.protocol.codec import decode, encode
+from arena.protocol.codec import MOST_LISTED, decode, encode
 from arena.protocol.messages import AdminRequest, ChallengeRequest, JoinRequest, Lobby, Refusal, SealedRequest
 
 _SHARE = 0.3
 """Of the time that goes to requests for seats, while matches run."""
 _MOST_LAST_REPLIES = 16
 """Pieces of journals that are sent before the pit closes."""
-MOST_LISTED = 150
-"""Matches, and clients that wait, that the lobby names."""
 MOST_STANDINGS = 50
 """Of a ladder, its first; with all else that is listed, the lobby fits one message."""
 

@@ -83,6 +83,8 @@ class JournalFile:
         self.path, self._name = path, path
         self._open = OpenJournals() if among is None else among
         self._is_to_be_named = False
+        self.has_new_name = False
+        """Whether it was named since anybody last cared; a name stands in the folder, which a disk gets by itself."""
         try:
             self._number = self._open.add(path, os.O_CREAT)
             os.ftruncate(self._open.find(self._number, path), n_bytes)
@@ -101,6 +103,7 @@ class JournalFile:
             if self._is_to_be_named and n_written == len(data):
                 keep_former(self._name)
                 self.path, self._is_to_be_named = self.path.rename(self._name), False
+                self.has_new_name = True
         except OSError as error:
             raise failure_of(error) from error
         if n_written != len(data):

@@ -23,8 +23,22 @@ def _pool() -> ThreadPoolExecutor:
 
 def sync_journals(paths: Iterable[Path]) -> None:
     """Return when the disk has all that was written to some files; `ArenaError` if it cannot have it."""
+    _sync_all(_sync, paths)
+
+
+def sync_records(written: Iterable[JournalFile]) -> None:
+    """Return when the disk has all that was appended to some journals, and the names of those that are new; else as above."""
+    journals = set(written)
+    sync_journals({journal.path for journal in journals})
+    named = [journal for journal in journals if journal.has_new_name]
+    _sync_all(_sync_names, {journal.path.parent for journal in named})
+    for journal in named:
+        journal.has_new_name = False
+
+
+def _sync_all(sync: Callable[[Path], None], paths: Iterable[Path]) -> None:
     try:
-        list(_pool().map(_sync, paths))
+        list(_pool().map(sync, paths))
     except OSError as error:
         raise failure_of(error) from error
 
@@ -33,6 +47,14 @@ def _sync(path: Path) -> None:
     descriptor = os.open(path, os.O_WRONLY)
     try:
         os.fdatasync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _sync_names(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)  # to fdatasync, some file systems count names for no data
     finally:
         os.close(descriptor)
 
@@ -76,7 +98,7 @@ class JournalSync:
                 else:
                     journals.append(journal)
             try:
-                sync_journals({journal.path for journal in journals})
+                sync_records(journals)
             except ArenaError as error:
                 self.error = error
                 self._wake()

@@ -39,7 +39,7 @@ from arena.records.journal import journal_name, write_receipt, write_seats, writ
 from arena.records.plan import network_name
 
 MOST_REJECTED = 512
-"""Messages of a seat that are forged or come again, between two calls of `advance`; no more of them are tried, or counted."""
+"""Messages of a seat that are forged or come again, between two calls of `try_again`; no more of them are tried, or counted."""
 _MOST_FORMER = 2
 """Keys of former tickets by which messages that were still on their way are known for what they are."""
 _HISTORY_BYTES = 50_000
@@ -77,7 +77,7 @@ class SeatSession:
     has_had_history: bool = False
     """Under this ticket."""
     n_rejected: int = 0
-    """Messages that were forged or came again since `advance` was called last."""
+    """Messages that were forged or came again since `try_again` was called last."""
     receipt: Receipt | None = None
     bundles: BundleLane | None = None
     """Where its messages go; None if they go one by one."""
@@ -203,11 +203,15 @@ class MatchSession:
 
     def advance(self, now_s: float) -> list[Effect]:
         """Let time pass."""
-        for seat in self.seats.values():
-            seat.n_rejected = 0
+        self.try_again()
         effects = self.carry(self.match.advance(now_s))
         self.due_s = self.match.due_s
         return effects
+
+    def try_again(self) -> None:
+        """Try messages again on keys on which too many were forged or came again."""
+        for seat in self.seats.values():
+            seat.n_rejected = 0
 
     def carry(self, match_effects: Iterable[MatchEffect]) -> list[Effect]:
         """Return what the pit is to do for what the match wants done."""

@@ -189,8 +189,10 @@ class MatchSessions:
         effects: list[Effect] = []
         for session in [session for session in self._running.values() if session.due_s <= now_s]:
             effects += self._settle(session, session.advance(now_s), now_s)
-        for match in [match for match, closing in self._closing.items() if now_s >= closing.until_s]:
-            effects += self._close(match, now_s)
+        for match, closing in list(self._closing.items()):
+            closing.session.try_again()
+            if now_s >= closing.until_s:
+                effects += self._close(match, now_s)
         return effects
 
     def issue_ticket(self, seat: Seat, pending: PendingRequest, now_s: float) -> list[Effect]:

@@ -13,6 +13,8 @@ from arena.protocol.messages import LATER, PROTOCOL_VERSION, Message
 
 MOST_BYTES = 60_000
 """No message is longer; what is longer is sent in pieces."""
+MOST_LISTED = 150
+"""Matches, and clients that wait, that a lobby names, to be no longer."""
 _KINDS: tuple[type, ...] = get_args(Message)
 _N_KINDS = len(_KINDS)
 _pack = msgpack.Packer().pack

@@ -54,6 +54,8 @@ _KIND = "journal"
 _MAP_OF_7 = b"\x87"
 """The byte that a map of so many begins with in msgpack; smaller ones begin with one byte, too."""
 SUFFIX = ".journal"
+_NO_TEXT = "surrogateescape"
+"""How bytes stand in an identity that are no text: a stranger's bundle may hold any."""
 _SEATS_BYTES = 3 * PUBLIC_BYTES + SIGNATURE_BYTES
 NONCE_BYTES = 16
 _SEAL_BYTES = {b"K": _SEATS_BYTES, b"N": NONCE_BYTES, b"R": 1 + 4 + CHAIN_BYTES + SIGNATURE_BYTES, b"S": SIGNATURE_BYTES}
@@ -318,12 +320,12 @@ def whole_part(data: bytes) -> bytes:
 
 def journal_name(identity: str) -> str:
     """Return the file name of a match's journal; no two identities share one."""
-    return quote(identity, safe="/").replace("/", "+") + SUFFIX
+    return quote(identity, safe="/", errors=_NO_TEXT).replace("/", "+") + SUFFIX
 
 
 def identity_of(name: str) -> str:
     """Return the identity of the match whose journal has this file name."""
-    return unquote(name.removesuffix(SUFFIX).replace("+", "/"))
+    return unquote(name.removesuffix(SUFFIX).replace("+", "/"), errors=_NO_TEXT)
 
 
 def save_journal(folder: str, identity: str, data: bytes) -> None:

@@ -112,6 +112,8 @@ def _draw(
     last = last_tick(recording)
     if tick is not None and not 0 <= tick <= last:
         raise InputError(f"--tick is {tick}; the match has {f'ticks 0 to {last}' if last >= 0 else 'no ticks'}")
+    if last < 0:
+        raise InputError("the match has no ticks, so there is nothing to draw")
     frames = frames_of(recording, team)
     if form == "png":
         save_png(draw(next(islice(frames, last if tick is None else tick, None)), cell), target)

@@ -13,14 +13,17 @@ MOST_CONNECTIONS = 500
 """Whoever comes beyond them is told to come later; a process may commonly have 1,024 files open."""
 MOST_MESSAGE_BYTES = 1 << 16
 """More than a page ever says at once."""
-_HALF_SENT = (h11.IDLE, h11.SEND_BODY)
 
 
 class ImpatientProtocol(H11Protocol):
-    """Closes a connection whose request is not whole after `PATIENCE_S`, however slowly it goes on coming."""
+    """Closes a connection whose request is not whole in time, however slowly it goes on coming."""
 
     PATIENCE_S: ClassVar[float] = 10.0
+    FILE_PATIENCE_S: ClassVar[float] = 70.0
+    """With a file that somebody waits for: longer than `clients.web.recordings` does, which says so."""
     _waiting: asyncio.TimerHandle | None = None
+    _patience_s: float | None = None
+    """For which it waits."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # as in the class above
         """Wait for a first request."""
@@ -44,12 +47,20 @@ class ImpatientProtocol(H11Protocol):
         self._stop()
 
     def _wait_or_not(self) -> None:
-        if self.conn.their_state not in _HALF_SENT:
-            self._stop()
-        elif self._waiting is None:
-            self._waiting = self.loop.call_later(self.PATIENCE_S, self.transport.close)
+        patience_s = self._choose_patience_s()
+        if patience_s == self._patience_s:
+            return
+        self._stop()
+        if patience_s is not None:
+            self._waiting, self._patience_s = self.loop.call_later(patience_s, self.transport.close), patience_s
+
+    def _choose_patience_s(self) -> float | None:
+        """Return how long the rest of a request may take, from when its first part or its head had come; None if it is whole."""
+        if self.conn.their_state is h11.SEND_BODY and self.conn.our_state is h11.SEND_RESPONSE:
+            return self.FILE_PATIENCE_S
+        return self.PATIENCE_S if self.conn.their_state in (h11.IDLE, h11.SEND_BODY) else None
 
     def _stop(self) -> None:
         if self._waiting is not None:
             self._waiting.cancel()
-            self._waiting = None
+        self._waiting = self._patience_s = None

@@ -6,6 +6,7 @@ load parts, and a browser is told to load nothing from anywhere else.
 """
 
 from collections.abc import Awaitable, Callable, Iterable, Mapping, MutableMapping, Sequence
+from ipaddress import IPv6Address
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -65,8 +66,16 @@ def list_names(host: str, names: Sequence[str], prefix: str = "--") -> tuple[str
             raise InputError(
                 f"{prefix}host {host} listens everywhere; say with {prefix}name by which name or number browsers reach it"
             )
-        return (*LOOPBACK, *names)
-    return (*LOOPBACK, *names, host)
+        return (*LOOPBACK, *map(_write_host, names))
+    return (*LOOPBACK, *map(_write_host, (*names, host)))
+
+
+def _write_host(name: str) -> str:
+    """Return a name or a number as browsers write it."""
+    try:
+        return f"[{IPv6Address(name.strip('[]'))}]"
+    except ValueError:
+        return name
 
 
 class Guard:

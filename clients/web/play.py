@@ -114,6 +114,7 @@ class BrowserSeat:
                 shown["picture"] = _describe(picture)
             if result is not None:
                 shown["result"] = result.to_dict()
+                shown["team"] = None if mailbox.commander is None else int(mailbox.commander.team)
         return shown
 
     def do(self, word: Any) -> None:

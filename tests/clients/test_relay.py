@@ -107,6 +107,20 @@ def test_what_many_ask_the_pit_is_asked_once(world: World, monkeypatch: pytest.M
     assert world.asked.empty()
 
 
+def test_those_who_wait_for_one_answer_are_not_without_bound(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(clients.relay, "_MOST_WHO_WAIT", 5, raising=False)
+    answers: SimpleQueue[bytes] = SimpleQueue()
+    watcher = world.come()
+    for _ in range(20):
+        watcher.ask(topics.lobby("p"), b"", answers.put, WAIT_S)
+
+    refused = [answers.get(timeout=WAIT_S) for _ in range(15)]
+    world.may_answer.set()
+
+    assert refused == [b""] * 15
+    assert [answers.get(timeout=WAIT_S) for _ in range(5)] == [b"facts"] * 5
+
+
 def test_nobody_plays_through_it(world: World) -> None:
     actions: SimpleQueue[Any] = SimpleQueue()
     world.pit.subscribe(topics.all_actions("p"), actions.put)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arena.errors import ForgedError, InputError, ProtocolError, ReplayedError, UnreadableError
+from arena.errors import ForgedError, InputError, LostPitError, ProtocolError, ReplayedError, UnreadableError
 from arena.game.keys import MatchKeys
 from arena.game.ruleset import load, to_dict
 from arena.game.state import StateField
@@ -22,7 +22,7 @@ from arena.network.address import Address
 from arena.pit.effects import Append, PublishEnding, PublishTick
 from arena.pit.match_session import MatchSession, PitContext
 from arena.protocol import topics
-from arena.protocol.codec import decode, encode
+from arena.protocol.codec import MOST_LISTED, decode, encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Commitment, Ended, Message, Orders, PastTruth, PublicState, Signed, Truth
 from arena.protocol.sealing import truth_sealer
@@ -372,3 +372,31 @@ def test_who_watches_before_a_match_runs_is_told_once_that_it_waits(show: Show, 
 
     assert told == ["waits"]
     assert frames[-1][1].ended is not None
+
+
+def test_a_match_is_watched_that_the_lobby_has_no_room_to_name(show: Show, enter: Callable[..., None]) -> None:
+    said = [(topics.public("pit", MATCH), payload) for payload in show.public]
+    enter(topics.all_public("pit"), said, running=tuple(f"other-{number}" for number in range(MOST_LISTED)))
+
+    frames = list(watch(Address(), None, MATCH, lambda _: None, None, lambda: pytest.fail("matches run")))
+
+    assert frames[-1][1].ended is not None
+
+
+@pytest.mark.parametrize("n_others", [1, MOST_LISTED])
+def test_a_match_whose_ending_was_missed_is_known_to_be_over_though_others_run(
+    show: Show, enter: Callable[..., None], monkeypatch: pytest.MonkeyPatch, n_others: int
+) -> None:
+    others = tuple(f"other-{number}" for number in range(n_others))
+    enter(topics.all_public("pit"), [(topics.public("pit", MATCH), show.public[0])], running=(MATCH, *others))
+    watching = watch(Address(), None, MATCH, lambda _: None, None, lambda: pytest.fail("a match runs"))
+    assert next(watching)[1].tick == 0
+    enter("", [], running=others)
+    monkeypatch.setattr("clients.spectator._SILENCE_S", 0.01)
+    monkeypatch.setattr("clients.spectator._MOST_SILENCE_S", 0.05)
+    monkeypatch.setattr(
+        "clients.spectator.queue.Queue.get", lambda *_, **__: (Spectator.read_public, (topics.public("pit", "other-0"), b""))
+    )
+
+    with pytest.raises(LostPitError, match=f"match {MATCH} does not run in pit"):
+        next(watching)

@@ -30,6 +30,17 @@ U . . . . . . f
 . . . . . . . u
 . . . . . . . .
 """
+SLEEPER = """
+import threading
+
+
+class Sleeper:
+    def start(self, info):
+        threading.Event().wait(600)
+
+    def act(self, observation):
+        return [0] * len(observation.units)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -202,6 +213,23 @@ def test_a_person_plays_on_when_the_pit_was_killed_and_started_again(
     (journal,) = map(load_journal, (tmp_path / "journals").glob("*.journal"))
     assert [tick.orders[0] for tick in journal.ticks[:2]] == [Action.EAST, Action.SOUTH]
     assert not any(mark for tick in journal.ticks for mark in tick.marks)
+
+
+def test_a_match_that_ends_before_its_first_turn_is_told_as_the_person_has_won_it(
+    serve: Start, join: Start, visit: Start, rules: Path, tmp_path: Path
+) -> None:
+    bot, page_port = tmp_path / "sleeper.py", free_port()
+    bot.write_text(SLEEPER)
+    serve("--rules", rules, "--grace", 3, "--web", page_port).wait_for("web page at ")
+    page = visit(f"http://127.0.0.1:{page_port}/play")
+    sit_down(page, "eve", "red", "")
+    says(page, "eve waits")
+    join("--team", "blue", "--policy", bot)
+
+    says(page, "You win by forfeit (blue did not get ready in time) after 0 ticks")
+
+    page.get_by_role("button", name="Play again").click()
+    says(page, "Who plays, and against whom?")
 
 
 def test_a_name_that_is_none_is_refused_in_a_sentence(home: str, visit: Start) -> None:

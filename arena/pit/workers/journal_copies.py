@@ -4,7 +4,7 @@ from pathlib import Path
 
 from arena.files import keep_former, read_file
 from arena.pit.journal_files import JournalFile, OpenJournals
-from arena.pit.journal_sync import sync_journals
+from arena.pit.journal_sync import sync_records
 from arena.pit.workers.messages import Piece, Stand, TakeMatch, Written
 from arena.records.journal import journal_name
 
@@ -35,7 +35,7 @@ class JournalCopies:
                 journal = self._journals[piece.match] = self._begin(piece)
             journal.append(piece.data)
         if self._fsync:
-            sync_journals({self._journals[piece.match].path for piece in written.pieces})
+            sync_records(self._journals[piece.match] for piece in written.pieces)
         self._n_pieces += len(written.pieces)
         return Stand(self._n_pieces)
 

@@ -119,7 +119,7 @@ class WorkerProcesses:
                 if place.n_stillborn > MOST_STILLBORN and not (self._has_opened and place.home.host):
                     raise describe_stillborn(place.machine, number, place.n_stillborn)
                 if now_s >= place.start_at_s:
-                    self._start(place)
+                    self._start_again(place)
             elif place.is_ready and now_s - place.heard_at_s > HUNG_S:
                 logger.warning("worker %d has said nothing for %g s; it is replaced", number, HUNG_S)
                 place.heard_at_s = now_s
@@ -170,6 +170,15 @@ class WorkerProcesses:
                     process.kill()
                     process.join()
 
+    def _start_again(self, place: _Place) -> None:
+        """Start the next worker of a place; what fails for now, as for want of memory or files, is tried again."""
+        try:
+            self._start(place)
+        except (OSError, InputError) as error:
+            said = error.strerror if isinstance(error, OSError) else error
+            logger.warning("worker %d cannot be started for now: %s", place.settings.number, said)
+            self._note_end(place, is_cut_off=False)
+
     def _start(self, place: _Place) -> None:
         number = place.settings.number
         place.mark = self._context.RawValue(c_longlong, NOBODY)
@@ -186,10 +195,9 @@ class WorkerProcesses:
         else:
             place.copies = None
             pipe, theirs = self._context.Pipe()
-            place.process = self._context.Process(
-                target=self._target, args=(theirs, place.mark), name=f"worker {number}", daemon=True
-            )
-            place.process.start()
+            process = self._context.Process(target=self._target, args=(theirs, place.mark), name=f"worker {number}", daemon=True)
+            process.start()
+            place.process = process
             theirs.close()
         name = f"listener of worker {number}"
         said = describe_version() if successor is not None else b""

@@ -119,10 +119,11 @@ class PlayPage {
       return;
     }
     const { result } = data;
-    const team = TEAMS[data.picture?.team ?? 0];
+    const team = TEAMS[data.team];
     const outcome = result.ending === "void" ? "The match is void" : result.winner === null ? "A draw" : result.winner === team ? "You win" : "You lose";
     this.announce(`${outcome} by ${words(result.ending)}${result.reason ? ` (${result.reason})` : ""} after ${result.ticks} ticks, score ${signed(result.score)}.${data.verdict ? ` Checked: ${data.verdict}.` : ""}`);
-    fill(this.after, again, " ", h("a", { href: `/match/${encodeURIComponent(data.match)}` }, "Watch it with the truth beside it"));
+    const watch = h("a", { href: `/match/${encodeURIComponent(data.match)}` }, "Watch it with the truth beside it");
+    fill(data.picture ? this.after : this.stage, again, " ", watch); // there is no board of a match that ended before its first turn
   }
 
   build(picture) {

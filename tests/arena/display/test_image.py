@@ -225,6 +225,18 @@ def test_what_cannot_be_drawn_is_one_sentence(here: Run, file: Path, arguments: 
     assert done.stderr.startswith(f"arena: {says}")
 
 
+@pytest.mark.parametrize("form", ["--gif", "--png"])
+def test_a_transcript_without_a_tick_is_no_picture(arena: Run, transcript: Path, form: str) -> None:
+    """As that of a client that was killed before its first turn."""
+    whole = transcript.read_bytes()
+    transcript.write_bytes(whole[: 24 + int.from_bytes(whole[20:24], "little")])
+
+    done = arena("replay", "export", transcript, form, "--out", transcript.with_suffix(".picture"))
+
+    assert (done.returncode, done.stderr) == (2, "arena: the match has no ticks, so there is nothing to draw\n")
+    assert not transcript.with_suffix(".picture").exists()
+
+
 def test_a_team_is_not_chosen_for_a_transcript(arena: Run, transcript: Path) -> None:
     done = arena("replay", "export", transcript, "--png", "--team", "red")
 

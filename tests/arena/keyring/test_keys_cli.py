@@ -131,13 +131,25 @@ def test_refusals_are_one_sentence_and_exit_code_2(run: Run, folder: Path) -> No
     assert (folder / "alice.key").read_bytes() == before
 
 
-@pytest.mark.parametrize("word", [PIT, f"arena://{PIT}", f"arena://{PIT}#{'A' * 43}"])
-def test_a_pit_is_forgotten_by_its_address_too(run: Run, word: str) -> None:
-    check_pit(PIT, PUBLIC, None)
+SOCKET = "/run/pit.sock/pit"
+
+
+@pytest.mark.parametrize(
+    ("word", "where"),
+    [
+        (PIT, PIT),
+        (f"arena://{PIT}", PIT),
+        (f"arena://{PIT}#{'A' * 43}", PIT),
+        (f"arena+tls://{PIT}#{'A' * 43}", PIT),
+        (f"arena+unix://{SOCKET}", SOCKET),
+    ],
+)
+def test_a_pit_is_forgotten_by_its_address_too(run: Run, word: str, where: str) -> None:
+    check_pit(where, PUBLIC, None)
 
     done = run("forget", word)
 
-    assert (done.code, done.out) == (0, f"forgot the pit at {PIT}; the key that it has next time is trusted\n")
+    assert (done.code, done.out) == (0, f"forgot the pit at {where}; the key that it has next time is trusted\n")
     assert known_pits() == {}
 
 

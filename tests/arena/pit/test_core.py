@@ -444,6 +444,21 @@ def test_a_match_waits_for_its_receipts_for_a_while_and_takes_one_a_seat(pit: Of
     assert checked.receipts == {Team.BLUE: Standing.HOLDS, Team.RED: Standing.MISSING}
 
 
+def test_forged_messages_keep_out_no_receipt(pit: OfflinePit) -> None:
+    ann, bob = begin(pit)
+    play(ann, bob)
+    for _ in range(MOST_REJECTED):
+        bob.put(b"junk" * 30)
+    pit.pass_time()
+
+    for player in (ann, bob):
+        player.give_receipt()
+
+    checked = check_seals(read_journal(pit.journals[FIRST]))
+    assert checked is not None
+    assert set(checked.receipts.values()) == {Standing.HOLDS}
+
+
 def test_a_journal_is_given_once_it_is_whole(pit: OfflinePit) -> None:
     ann, bob = begin(pit)
     match = ann.ticket.match

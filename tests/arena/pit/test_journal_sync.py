@@ -1,6 +1,8 @@
 """What a pit under --fsync does before the disk has its records: other work, and nothing that follows from them."""
 
+import os
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,8 @@ from arena.pit import journal_sync
 from arena.pit.gate import Gate
 from arena.pit.journal_files import JournalFile
 from arena.pit.journal_sync import JournalSync, SyncedJournal, sync_journals
+from arena.pit.workers.journal_copies import JournalCopies
+from arena.pit.workers.messages import Piece, Written
 
 PATIENCE_S = 30.0
 
@@ -69,3 +73,44 @@ def test_what_cannot_be_synced_is_told_and_never_stands(tmp_path: Path, monkeypa
     assert not gate.is_open
     with pytest.raises(ArenaError, match="cannot write a journal"):
         sync_journals([tmp_path / "a"])
+
+
+@pytest.fixture
+def synced(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """What the disk has been made to have: the inodes of files and folders, in that order."""
+    inodes: list[int] = []
+    for name, sync in (("fdatasync", os.fdatasync), ("fsync", os.fsync)):
+
+        def note(descriptor: int, sync: Callable[[int], None] = sync) -> None:
+            sync(descriptor)
+            inodes.append(os.fstat(descriptor).st_ino)
+
+        monkeypatch.setattr(os, name, note)
+    return inodes
+
+
+def test_the_name_of_a_new_journal_outlives_a_power_cut_as_its_first_record_does(tmp_path: Path, synced: list[int]) -> None:
+    gate, woken = Gate(), threading.Semaphore(0)
+    sync = JournalSync(gate, woken.release)
+    spare = JournalFile(tmp_path / ".spare-0", 0)
+    spare.rename_when_written(tmp_path / "a.journal")
+    journal, folder = SyncedJournal(spare, sync), tmp_path.stat().st_ino
+
+    journal.append(b"one")
+    assert woken.acquire(timeout=PATIENCE_S)
+    file = (tmp_path / "a.journal").stat().st_ino
+    assert synced == [file, folder]
+    journal.append(b"more")
+    sync.close()
+
+    assert synced == [file, folder, file]
+
+
+def test_so_does_that_of_a_journal_of_another_machine(tmp_path: Path, synced: list[int]) -> None:
+    copies = JournalCopies(tmp_path, fsync=True)
+
+    for number in range(2):
+        copies.write(Written((Piece("match", "a.journal", number, b"x"),)))
+
+    file = (tmp_path / "a.journal").stat().st_ino
+    assert synced == [file, tmp_path.stat().st_ino, file]

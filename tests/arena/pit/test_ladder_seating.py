@@ -16,7 +16,7 @@ from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.network.address import Address
 from arena.pit import admission
-from arena.pit.core import MOST_LISTED, MOST_STANDINGS
+from arena.pit.core import MOST_STANDINGS
 from arena.pit.effects import MatchEnded
 from arena.pit.ladder import MOST_CONSIDERED, MOST_OF_OWNER, Ladder, LadderMatch, LadderSeating, Waiting, find_uncounted
 from arena.pit.pit import Pit, PitSettings, _next_number
@@ -25,7 +25,7 @@ from arena.pit.seating import object_to
 from arena.pit.seats import SlotId
 from arena.policy import MatchResult
 from arena.protocol import signed as facts
-from arena.protocol.codec import MOST_BYTES, encode
+from arena.protocol.codec import MOST_BYTES, MOST_LISTED, encode
 from arena.protocol.identity import Identity
 from arena.protocol.messages import Closed, JoinRequest, Lobby, Refusal, Wait
 from arena.records.journal import Header, journal_name, write_ending, write_seats

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Iterator
 from ctypes import c_longlong
+from errno import EMFILE, ENOMEM
 from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -135,3 +136,23 @@ def test_a_worker_does_not_return_to_a_machine_on_which_none_could_take_its_plac
     assert workers.next() == WorkerLost(2, is_cut_off=True)
     assert caplog.messages.index("worker 2 returns to far") > caplog.messages.index("far answers again")
     assert workers.next() == WorkerReady(2)
+
+
+def test_a_worker_that_cannot_be_started_for_now_is_started_a_moment_later(
+    workers: Workers, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workers.start_without_far()
+    context = workers.processes._context
+    make_pipe, failures = context.Pipe, [OSError(ENOMEM, "Cannot allocate memory"), OSError(EMFILE, "Too many open files")]
+
+    def fail_at_first() -> Any:
+        if failures:
+            raise failures.pop()
+        return make_pipe()
+
+    monkeypatch.setattr(context, "Pipe", fail_at_first)
+    workers.processes._places[1].process.kill()
+
+    assert [workers.next(), workers.next()] == [WorkerLost(1), WorkerReady(1)]
+    said = [one for one in caplog.messages if "worker 1 cannot be started for now" in one]
+    assert [one.partition(": ")[2] for one in said] == ["Too many open files", "Cannot allocate memory"]

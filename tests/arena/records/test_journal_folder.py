@@ -34,6 +34,15 @@ def test_a_journal_is_found_by_any_name_that_a_match_has(tmp_path: Path) -> None
     assert folder.identities() == folder.bundled() == set(STRANGE)
 
 
+def test_a_journal_in_a_strangers_bundle_is_found_whose_name_is_no_text(tmp_path: Path) -> None:
+    (tmp_path / "1.journals").write_bytes(MAGIC + journal_bundle._pack(b"J", b"ann\xff", b"a journal"))
+
+    [found] = find_journals([tmp_path])
+
+    assert found.name == "ann%FF.journal"
+    assert read_recorded(found) == b"a journal"
+
+
 @pytest.mark.parametrize("identity", ["absent", "a/absent", "b" * 2_000])
 def test_what_is_not_there_is_not_found_by_any_name(identity: str, tmp_path: Path) -> None:
     bundle(tmp_path, "a")

@@ -13,12 +13,15 @@ from clients.web.connections import ImpatientProtocol
 from clients.web.server import listen
 
 GET = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
+POST = b"POST /file HTTP/1.1\r\nHost: localhost\r\nContent-Length: 8\r\n\r\n"
 PATIENCE_S = 60.0
 Connect = Callable[[], socket.socket]
 
 
 async def hello(scope: Any, receive: Any, send: Any) -> None:
-    """Answer whatever is asked, whether or not all of it has come."""
+    """Answer whatever is asked, whether or not all of it has come; of a file that is sent, once it has."""
+    while scope["path"] == "/file" and (await receive()).get("more_body"):
+        continue
     await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"5")]})
     await send({"type": "http.response.body", "body": b"hello"})
 
@@ -61,6 +64,26 @@ def test_a_body_that_never_comes_is_not_waited_for_either(connect: Connect) -> N
         connection.sendall(GET[:-2] + b"Content-Length: 1000\r\n\r\nabc")
 
         assert read_to_the_end(connection).endswith(b"hello")
+
+
+def test_a_file_may_take_longer_to_come_than_a_request(connect: Connect) -> None:
+    with connect() as connection:
+        connection.sendall(POST + b"half")
+        connection.settimeout(3 * ImpatientProtocol.PATIENCE_S)
+        with pytest.raises(TimeoutError):
+            connection.recv(1)
+        connection.settimeout(PATIENCE_S)
+        connection.sendall(b"half" + GET[:-2])
+
+        assert read_to_the_end(connection).endswith(b"hello")
+
+
+def test_a_file_that_never_comes_is_not_waited_for_for_ever(connect: Connect, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ImpatientProtocol, "FILE_PATIENCE_S", 0.2)
+    with connect() as connection:
+        connection.sendall(POST + b"half")
+
+        assert read_to_the_end(connection) == b""
 
 
 def test_a_second_request_that_is_half_sent_is_not_waited_for(connect: Connect) -> None:

@@ -1,7 +1,7 @@
 """Who may ask the web server, and what a browser may do with its answers."""
 
 import asyncio
-from collections.abc import MutableMapping
+from collections.abc import Iterable, MutableMapping
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +9,16 @@ import pytest
 from starlette.requests import Request
 
 from arena.errors import InputError
-from clients.web.guard import HEADERS, LOOPBACK, Guard, is_same_origin
+from clients.web.guard import HEADERS, LOOPBACK, Guard, is_same_origin, list_names
 from clients.web.recordings import read_body
 from clients.web.routes import ASSETS
 
 MOST_FIRST_LOAD_BYTES = 150_000
 
 
-def ask(kind: str, method: str = "GET", path: str = "/", **headers: str) -> tuple[bool, list[MutableMapping[str, Any]]]:
+def ask(
+    kind: str, method: str = "GET", path: str = "/", names: Iterable[str] = LOOPBACK, **headers: str
+) -> tuple[bool, list[MutableMapping[str, Any]]]:
     """Return whether the guarded server was reached, and what was sent."""
     sent: list[MutableMapping[str, Any]] = []
     reached = []
@@ -38,7 +40,7 @@ def ask(kind: str, method: str = "GET", path: str = "/", **headers: str) -> tupl
         "path": path,
         "headers": [(name.encode(), value.encode()) for name, value in headers.items()],
     }
-    asyncio.run(Guard(app, LOOPBACK)(scope, receive, send))
+    asyncio.run(Guard(app, names)(scope, receive, send))
     return bool(reached), sent
 
 
@@ -52,6 +54,13 @@ def test_the_server_answers_by_its_own_names_under_a_strict_policy(host: str) ->
     assert {name: headers[name.encode()].decode() for name in HEADERS} == HEADERS
     assert headers[b"content-security-policy"].startswith(b"default-src 'none'; script-src 'self';")
     assert b"unsafe" not in headers[b"content-security-policy"]
+
+
+@pytest.mark.parametrize(("host", "name"), [("fd00::5", ""), ("FD00:0::5", ""), ("::", "fd00::5"), ("0.0.0.0", "[fd00::5]")])
+def test_a_server_is_reached_by_a_number_of_ipv6(host: str, name: str) -> None:
+    names = list_names(host, [name] if name else [])
+
+    assert [ask("http", names=names, host=asked)[0] for asked in ("[fd00::5]:8000", "[fd00::6]:8000")] == [True, False]
 
 
 def test_pages_of_others_may_show_an_embedded_match_and_nothing_else() -> None:
