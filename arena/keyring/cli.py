@@ -12,7 +12,7 @@ from arena.errors import ArenaError, UnknownNameError
 if TYPE_CHECKING:
     from arena.protocol.identity import Identity
 
-_SCHEME = re.compile(r"arena(\+tls|\+unix)?://")
+_SCHEME = re.compile(r"arena(\+[a-z]+)?://")
 """Of an address, by whatever protocol: a pit is remembered by where it is."""
 keys = typer.Typer(no_args_is_help=True, help="Make and show the keys of entries, and forget those of pits.")
 

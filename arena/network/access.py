@@ -29,19 +29,23 @@ def check_certificate(given: Certificate) -> None:
         ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(given.certificate, given.key, password="")
     except ssl.SSLError as error:
         why = "the key belongs to another certificate" if error.reason == "KEY_VALUES_MISMATCH" else "they must be PEM files"
+        if b"ENCRYPTED" in given.key.read_bytes():
+            why = "the key is locked by a password, which nobody here can type"
         raise InputError(f"{given.certificate} and {given.key} are no certificate and its private key: {why}") from error
-    if _is_of_authority(given.certificate.read_bytes()):
+    if _is_of_authority(given.certificate):
         raise InputError(
             f"{given.certificate} is the certificate of an authority, which no client takes for a pit's; make it with "
             "CA:FALSE, as by openssl req -x509 -addext basicConstraints=critical,CA:FALSE"
         )
 
 
-def _is_of_authority(chain: bytes) -> bool:
+def _is_of_authority(chain: Path) -> bool:
     try:
-        constraints = load_pem_x509_certificate(chain).extensions.get_extension_for_class(BasicConstraints)
+        constraints = load_pem_x509_certificate(chain.read_bytes()).extensions.get_extension_for_class(BasicConstraints)
     except ExtensionNotFound:
         return False
+    except ValueError as error:  # what OpenSSL takes all the same
+        raise InputError(f"the certificate {chain} cannot be used: {error}") from error
     return constraints.value.ca
 
 

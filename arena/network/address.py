@@ -1,6 +1,6 @@
 """Where a pit is: `arena://HOST:PORT/PIT#PUBLICKEY`, as `arena serve` prints it and `arena join` takes it.
 
-By TLS it is `arena+tls://HOST:PORT/PIT`, and by a Unix socket `arena+unix:///PATH/PIT`.
+By TLS it is `arena+tls://HOST:PORT/PIT`, by QUIC, WebSockets or UDP likewise, and by a Unix socket `arena+unix:///PATH/PIT`.
 """
 
 import os
@@ -16,9 +16,15 @@ from arena.protocol.topics import check_chunk
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 DEFAULT_PIT = "pit"
-_PROTOCOLS = {"arena": "tcp", "arena+tls": "tls", "arena+unix": "unixsock-stream"}
-_ENDPOINTS = ("tcp", "tls", "quic", "unixsock-stream", "ws", "udp")
-"""Protocols of endpoints, as Zenoh calls them."""
+_PROTOCOLS = {
+    "arena": "tcp",
+    "arena+tls": "tls",
+    "arena+quic": "quic",
+    "arena+unix": "unixsock-stream",
+    "arena+ws": "ws",
+    "arena+udp": "udp",
+}
+"""Of endpoints, as Zenoh calls them, by the schemes of addresses."""
 _MOST_SOCKET_BYTES = 107
 """Of the path of a Unix socket, by the system."""
 _LOOPBACK = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
@@ -52,7 +58,7 @@ def parse_address(text: str) -> Address:
     scheme, colon, _ = text.partition("://")
     if not colon or scheme not in _PROTOCOLS:
         protocol, slash, rest = text.partition("/")
-        if not slash or not rest or protocol not in _ENDPOINTS:
+        if not slash or not rest or protocol not in _PROTOCOLS.values():
             raise InputError(f"{text!r} is no address; write arena://HOST:PORT/PIT or tcp/HOST:PORT")
         return Address(endpoint=text)
     try:
@@ -91,7 +97,7 @@ def is_encrypted(endpoint: str) -> bool:
 def check_endpoint(endpoint: str) -> None:
     """Refuse what is no endpoint, and the path of a Unix socket that the system does not take; `InputError` says what to do."""
     protocol, _, path = endpoint.partition("/")
-    if protocol not in _ENDPOINTS:
+    if protocol not in _PROTOCOLS.values():
         raise InputError(f"{endpoint!r} is no endpoint; write tcp/HOST:PORT")
     if protocol != "unixsock-stream":
         if not re.fullmatch(r"[^/]+:\d+", path.partition("?")[0].partition("#")[0]):

@@ -11,7 +11,7 @@ from arena.pit.effects import Drop, Effect
 from arena.pit.matches import Matches
 from arena.pit.register import Register
 from arena.pit.seating import Pairing, Seating, object_to
-from arena.pit.seats import Client, Seat, SlotId
+from arena.pit.seats import Client, Seat, SlotId, SlotsByClient
 from arena.protocol.messages import JoinRequest, Refusal, Wait
 
 HOLD_QUESTION_S = 4.0
@@ -44,6 +44,8 @@ class Admission:
         self._most_running = most_running
         self._ruleset, self._seating, self._register, self._matches = ruleset, seating, register, matches
         self._queue: dict[SlotId, QueuedClient] = {}
+        self._by_client = SlotsByClient()
+        """Those in the queue."""
         self._sessions: dict[Client, tuple[str, float]] = {}
         """The connection of each client whose request was accepted, and when."""
         self._gone: OrderedDict[str, float] = OrderedDict()
@@ -125,7 +127,7 @@ class Admission:
         self._gone[client] = now_s
         if len(self._gone) > MOST_QUEUED:
             self._gone.popitem(last=False)
-        for slot in [slot for slot in self._queue if slot.client == client]:
+        for slot in self._by_client.find(client):
             self._forget(slot)
 
     def advance(self, now_s: float) -> list[Effect]:
@@ -161,6 +163,7 @@ class Admission:
         if before is not None and before.pending is not None:
             effects.append(before.pending.reply(self._wait))
         self._queue[slot] = QueuedClient(request.name, pending, now_s)
+        self._by_client.add(slot)
         if not self._has_room:
             given_up = self._matches.give_up_unready(now_s)
             if not given_up or self.n_journals <= 0:
@@ -180,10 +183,12 @@ class Admission:
         self.n_journals -= 1
         for team, slot in pairing.slots.items():
             pending = self._queue.pop(slot).pending
+            self._by_client.remove(slot)
             if pending is not None:
                 effects += self._matches.issue_ticket(Seat(match, team), slot, pending, now_s)
         return effects
 
     def _forget(self, slot: SlotId) -> None:
         if self._queue.pop(slot, None) is not None:
+            self._by_client.remove(slot)
             self._seating.forget(slot)

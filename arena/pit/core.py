@@ -51,6 +51,7 @@ from arena.pit.rationed_queue import RationedQueue
 from arena.pit.register import Register
 from arena.pit.seating import Seating
 from arena.pit.workers.remote_sessions import RemoteSessions, Worker
+from arena.protocol import topics
 from arena.protocol.codec import MOST_LISTED, decode, encode
 from arena.protocol.messages import AdminRequest, ChallengeRequest, JoinRequest, Lobby, Refusal, SealedRequest
 
@@ -224,6 +225,8 @@ class PitCore:
         return self._matches.advance(event.received_until_s) + self._admission.advance(now_s)
 
     def _on_presence(self, event: PresenceChanged, now_s: float) -> list[Effect]:
+        if not topics.is_chunk(event.client):
+            return []  # who asks for a seat is called otherwise
         if event.is_present:
             self._admission.welcome(event.client)
             if len(self._present) < MOST_QUEUED:

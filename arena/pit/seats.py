@@ -25,6 +25,28 @@ class Seat(NamedTuple):
     team: Team
 
 
+class SlotsByClient:
+    """Slots by the names of their processes: anybody may say of any name that its process is gone, and most have none."""
+
+    def __init__(self) -> None:
+        self._slots: dict[str, dict[SlotId, None]] = {}
+
+    def add(self, slot: SlotId) -> None:
+        """Note a slot, unless it is noted."""
+        self._slots.setdefault(slot.client, {})[slot] = None
+
+    def remove(self, slot: SlotId) -> None:
+        """Forget a slot that is noted."""
+        slots = self._slots[slot.client]
+        del slots[slot]
+        if not slots:
+            del self._slots[slot.client]
+
+    def find(self, client: str) -> list[SlotId]:
+        """Return the slots of a process, the first first."""
+        return list(self._slots.get(client, ()))
+
+
 @dataclass(slots=True)
 class _Holding:
     """A slot that holds a seat, or held it last."""
@@ -40,6 +62,7 @@ class SeatBook:
         self._holdings: dict[Seat, _Holding] = {}
         self._held: dict[SlotId, Seat] = {}
         """Of those who are present."""
+        self._by_client = SlotsByClient()
 
     @property
     def n_held(self) -> int:
@@ -56,8 +79,9 @@ class SeatBook:
         self.leave(slot)
         before = self._holdings.get(seat)
         if before is not None and before.is_present:
-            del self._held[before.slot]
+            self._release(before.slot)
         self._holdings[seat], self._held[slot] = _Holding(slot), seat
+        self._by_client.add(slot)
 
     def find(self, slot: SlotId) -> Seat | None:
         """Return the seat that a slot holds."""
@@ -65,16 +89,19 @@ class SeatBook:
 
     def leave(self, slot: SlotId) -> None:
         """Free the seat that a slot holds, if any."""
-        seat = self._held.pop(slot, None)
-        if seat is not None:
-            self._holdings[seat].is_present = False
+        if slot in self._held:
+            self._holdings[self._release(slot)].is_present = False
 
     def leave_all(self, client: str) -> list[Seat]:
         """Free the seats that a client process holds, and return them."""
-        left = {slot: seat for slot, seat in self._held.items() if slot.client == client}
+        left = {slot: self._held[slot] for slot in self._by_client.find(client)}
         for slot in left:
             self.leave(slot)
         return list(left.values())
+
+    def _release(self, slot: SlotId) -> Seat:
+        self._by_client.remove(slot)
+        return self._held.pop(slot)
 
     def is_held(self, seat: Seat) -> bool:
         """Whether a seat has a holder."""
@@ -91,4 +118,4 @@ class SeatBook:
         for team in Team:
             holding = self._holdings.pop(Seat(match, team), None)
             if holding is not None and holding.is_present:
-                del self._held[holding.slot]
+                self._release(holding.slot)

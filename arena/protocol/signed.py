@@ -49,14 +49,14 @@ def check_receipt(entry: bytes, match: str, team: Team, receipt: Receipt) -> Non
     verify(entry, _RECEIPT, _receipted(match, team, receipt.n_shown, receipt.head), receipt.signature)
 
 
-def sign_journal(identity: Identity, canonical_hash: bytes) -> bytes:
-    """Return the pit's signature of a whole journal."""
-    return identity.sign(_JOURNAL, canonical_hash)
+def sign_journal(identity: Identity, last_link: bytes) -> bytes:
+    """Return the pit's signature of a whole journal, by the last link of its chain."""
+    return identity.sign(_JOURNAL, last_link)
 
 
-def check_journal(pit_key: bytes, canonical_hash: bytes, signature: bytes) -> None:
+def check_journal(pit_key: bytes, last_link: bytes, signature: bytes) -> None:
     """Check what `sign_journal` gave."""
-    verify(pit_key, _JOURNAL, canonical_hash, signature)
+    verify(pit_key, _JOURNAL, last_link, signature)
 
 
 def _receipted(match: str, team: Team, n_shown: int, head: bytes) -> bytes:

@@ -32,7 +32,7 @@ MOST_BYTES = 1 << 24
 _HEAD, _TRAILER = struct.Struct("<cIII"), struct.Struct("<Q8s")
 _JOURNAL, _INDEX, _END = b"J", b"I", b"JOURNALS"
 _OWNER = 0o600
-_MOST_INDEX_BYTES = 1 << 26
+_MOST_INDEX_BYTES, _MOST_IDENTITY_BYTES = 1 << 26, 1 << 16
 
 
 class _Head(NamedTuple):
@@ -154,12 +154,13 @@ class Bundle:
 
     def read(self, identity: str, most_bytes: int = MOST_JOURNAL_BYTES) -> bytes:
         """Return the journal of a match that is in here; `JournalError` if it was changed, or is larger."""
+        name = identity.encode(errors="surrogateescape")
         with open_file(self.path) as file:
             at = self._offsets[identity]
             head = _read_head(file.fileno(), at)
-            is_ours = head is not None and head.letter == _JOURNAL and head.n_data <= most_bytes
+            is_ours = head is not None and head.letter == _JOURNAL and head.n_data <= most_bytes and head.n_identity == len(name)
             rest = os.pread(file.fileno(), head.n_bytes - _HEAD.size, at + _HEAD.size) if head and is_ours else b""
-        if head is None or crc32(rest) != head.crc or rest[: head.n_identity] != identity.encode(errors="surrogateescape"):
+        if head is None or crc32(rest) != head.crc or rest[: head.n_identity] != name:
             raise JournalError(f"the journal of {identity} in the bundle {self.path.name} was changed")
         return rest[head.n_identity :]
 
@@ -187,7 +188,8 @@ def _has_begun(path: Path, first: bytes) -> bool:
 def _read_head(descriptor: int, at: int) -> _Head | None:
     data = os.pread(descriptor, _HEAD.size, at)
     head = _Head(*_HEAD.unpack(data)) if len(data) == _HEAD.size else None
-    return head if head is not None and head.letter in (_JOURNAL, _INDEX) else None
+    is_one = head is not None and head.letter in (_JOURNAL, _INDEX) and head.n_identity <= _MOST_IDENTITY_BYTES
+    return head if is_one else None
 
 
 def _read_index(descriptor: int, n_bytes: int) -> dict[str, int] | None:

@@ -61,8 +61,20 @@ class SandboxedProcess:
         cwd: Path | None = None,
         log: IO[bytes] | None = None,
     ) -> None:
-        limits = self._limits = sandbox.limits
-        self._group = ControlGroup.make(limits)
+        self._limits = sandbox.limits
+        self._group = ControlGroup.make(sandbox.limits)
+        try:
+            self.process = self._start(command, sandbox, environment, cwd, log)
+        except BaseException:
+            if self._group is not None:
+                self._group.remove()
+            raise
+        self._met: list[str] = []
+
+    def _start(
+        self, command: Sequence[str], sandbox: Sandbox, environment: Mapping[str, str], cwd: Path | None, log: IO[bytes] | None
+    ) -> subprocess.Popen[bytes]:
+        limits = sandbox.limits
         if self._group is None and sandbox.has_wall and (why := why_no_limits()) is not None:
             raise InputError(f"the limits of a sandbox cannot be held any more: {why}")
         if self._group is not None:  # it counts memory better than the address space does
@@ -74,7 +86,7 @@ class SandboxedProcess:
             launched = _launch(outside, behind)
         else:
             launched = _launch({**outside, "limits": asdict(replace(limits, disk_mb=None))}, command)
-        self.process = subprocess.Popen(
+        return subprocess.Popen(
             launched,
             stdin=subprocess.PIPE if log is None else subprocess.DEVNULL,
             stdout=subprocess.PIPE if log is None else log,
@@ -84,7 +96,6 @@ class SandboxedProcess:
             start_new_session=True,
             bufsize=0,
         )
-        self._met: list[str] = []
 
     @property
     def pipes(self) -> tuple[IO[bytes], IO[bytes], IO[bytes]]:

@@ -81,11 +81,14 @@ def _write_journal(file: Path, target: Path) -> int:
     from arena.records.framing import load
     from arena.records.journal_folder import read_recorded
 
-    data = load(file, bytes, read_recorded)
+    data, is_ours = load(file, bytes, read_recorded), False
     try:
         with target.open("xb") as copy:  # over no other journal
+            is_ours = True
             return copy.write(data)
     except OSError as error:
+        if is_ours:
+            target.unlink(missing_ok=True)  # half a journal, in whose place the next try would find a file
         raise InputError(f"cannot write {target}: {error.strerror}") from error
 
 

@@ -96,6 +96,8 @@ def join(
     where = parse_address(address or pit)
     notes: list[str] = []
     is_human = policy == "human" and not program
+    if is_human and (sandbox or limit):
+        raise InputError("--sandbox and --limit are for fighters, and --policy human is you")
     mailbox = _make_mailbox(autopilot, slots) if is_human else None
     if autopilot and mailbox is None:
         raise InputError("--autopilot is for --policy human")
@@ -108,7 +110,7 @@ def join(
     make: BatchFactory
     if mailbox is not None:
         make = mailbox.make
-    elif spec in OWN and not sandbox:
+    elif spec in OWN and not sandbox and not limit:
         make = load_policy(spec)
     else:
         check_name(spec)

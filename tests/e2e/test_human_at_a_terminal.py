@@ -63,6 +63,8 @@ def test_a_key_changes_what_the_pit_is_sent(
     [
         (("--policy", "human"), "--policy human wants a terminal"),
         (("--policy", "patrol", "--autopilot", "rush"), "--autopilot is for --policy human"),
+        (("--policy", "human", "--limit", "memory_mb=500"), "--sandbox and --limit are for fighters, and --policy human is you"),
+        (("--policy", "rush", "--limit", "foo=1"), "unknown limit 'foo'"),
     ],
 )
 def test_what_no_person_can_play_with_is_one_sentence(start: Start, arguments: tuple[str, ...], says: str) -> None:

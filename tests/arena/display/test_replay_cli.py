@@ -263,3 +263,17 @@ def test_journals_in_a_bundle_are_listed_checked_shown_and_taken_out_one_by_one(
     ):
         done = here("replay", "export", *arguments)
         assert (done.returncode, done.stderr) == (2, f"arena: {says}\n")
+
+
+def test_of_a_journal_that_a_full_disk_cuts_off_nothing_is_left(data: bytes, tmp_path: Path) -> None:
+    """Else the next try would find half a journal there, and write over nothing."""
+    file, copy = tmp_path / "match.journal", tmp_path / "copy.journal"
+    file.write_bytes(data)
+    full = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({len(data) - 1}, resource.RLIM_INFINITY)); {ARENA[-1]}"
+
+    done = subprocess.run(
+        [*ARENA[:-1], full, "replay", "export", file, "--journal", "--out", copy], capture_output=True, text=True, check=False
+    )
+
+    assert (done.returncode, done.stderr) == (2, f"arena: cannot write {copy}: File too large\n")
+    assert not copy.exists()

@@ -141,6 +141,7 @@ SOCKET = "/run/pit.sock/pit"
         (f"arena://{PIT}", PIT),
         (f"arena://{PIT}#{'A' * 43}", PIT),
         (f"arena+tls://{PIT}#{'A' * 43}", PIT),
+        (f"arena+quic://{PIT}", PIT),
         (f"arena+unix://{SOCKET}", SOCKET),
     ],
 )

@@ -15,7 +15,7 @@ from arena.protocol.identity import PUBLIC_BYTES, Identity, to_text
     st.sampled_from(["127.0.0.1", "pit.example.org", "[::1]", "localhost"]),
     st.integers(0, 65535),
     st.from_regex(r"[A-Za-z0-9_-]{1,64}", fullmatch=True),
-    st.sampled_from(["tcp", "tls"]),
+    st.sampled_from(["tcp", "tls", "quic", "ws", "udp"]),
     st.just("") | st.binary(min_size=PUBLIC_BYTES, max_size=PUBLIC_BYTES).map(to_text),
 )
 def test_an_address_is_read_as_it_is_printed(host: str, port: int, pit: str, protocol: str, fingerprint: str) -> None:

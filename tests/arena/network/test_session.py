@@ -193,12 +193,20 @@ def test_tls_carries_messages_to_those_who_trust_the_certificate_only(tmp_path: 
         ("pit.crt", "junk", "must be PEM files"),
         ("pit.key", "pit.crt", "must be PEM files"),
         ("pit.crt", "other.key", "belongs to another certificate"),
+        ("pit.crt", "locked.key", "the key is locked by a password"),
+        ("trusted.crt", "pit.key", "trusted.crt cannot be used: .*PEM"),
     ],
 )
 def test_a_router_says_what_is_wrong_with_a_certificate(tmp_path: Path, certificate: str, key: str, said: str) -> None:
     make_certificate(tmp_path, "pit")
     make_certificate(tmp_path, "other")
     (tmp_path / "junk").write_text("junk")
+    text = (tmp_path / "pit.crt").read_text()
+    (tmp_path / "trusted.crt").write_text(text.replace(" CERTIFICATE", " TRUSTED CERTIFICATE"))  # as openssl x509 -trustout
+    locked = serialization.load_pem_private_key((tmp_path / "pit.key").read_bytes(), None).private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.BestAvailableEncryption(b"word")
+    )
+    (tmp_path / "locked.key").write_bytes(locked)
     given = Certificate(certificate=tmp_path / certificate, key=tmp_path / key)
 
     with pytest.raises(InputError, match=said):

@@ -1,5 +1,6 @@
 """Whole matches between clients and the core of a pit, both ends here, without a network, a clock or a file."""
 
+import tracemalloc
 from typing import Any
 
 import pytest
@@ -12,7 +13,16 @@ from arena.game.types import Team, Termination
 from arena.match.time_control import TimeControl
 from arena.pit.admission import HOLD_QUESTION_S
 from arena.pit.effects import Append, MatchEnded, PublishEnding, PublishTick, Send
-from arena.pit.events import ActionReceived, JournalAsked, JournalsReady, LobbyAsked, Stopped, TimePassed, UnfinishedFound
+from arena.pit.events import (
+    ActionReceived,
+    JournalAsked,
+    JournalsReady,
+    LobbyAsked,
+    PresenceChanged,
+    Stopped,
+    TimePassed,
+    UnfinishedFound,
+)
 from arena.pit.match_session import MOST_REJECTED
 from arena.pit.match_sessions import RECEIPTS_S
 from arena.pit.seating import PlannedSeating
@@ -417,6 +427,18 @@ def test_a_message_that_opens_and_is_none_of_a_seat_s_is_counted(pit: OfflinePit
     ann.send(Wait(reason=""))
 
     assert pit.core.matches[0].record(Team.BLUE).garbled == 2
+
+
+def test_of_a_process_that_is_called_as_no_client_can_be_nothing_is_kept(pit: OfflinePit) -> None:
+    """A name on a key of Zenoh's may have 60,000 letters, and thousands of processes are remembered."""
+    tracemalloc.start()
+    for number in range(100):
+        for is_present in (True, False):
+            pit.do(PresenceChanged(f"{number:060000}", is_present))
+    kept, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+
+    assert kept < 100_000
 
 
 def test_messages_of_no_match_are_ignored(pit: OfflinePit) -> None:

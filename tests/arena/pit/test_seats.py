@@ -1,9 +1,13 @@
 """The book of seats, against a plain list of what happened."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from offline_pit import OfflinePit, Player
 
 from arena.game.types import Team
+from arena.pit import admission
+from arena.pit.events import PresenceChanged
 from arena.pit.seats import Seat, SeatBook, SlotId
 
 SLOTS = [SlotId(entry, client, slot) for entry in (b"ann", b"bob") for client in ("c", "d") for slot in range(2)]
@@ -65,3 +69,32 @@ def test_a_seat_has_one_holder_and_a_slot_one_seat_whatever_happens(steps: list[
 
         assert {seat for seat in SEATS if book.is_held(seat)} == set(held)
         assert {book.find(slot): slot for slot in SLOTS if book.find(slot)} == held
+
+
+def test_a_process_that_holds_no_seat_is_looked_for_in_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Anybody can say that a process is gone, thousands of times a second, and a pit may have thousands of seats."""
+    reads: list[SlotId] = []
+
+    class Watched(SlotId):
+        @property
+        def client(self) -> str:  # type: ignore[override]  # a field of a named tuple
+            reads.append(self)
+            return str(self[1])
+
+    monkeypatch.setattr(admission, "SlotId", Watched)
+    pit = OfflinePit()
+    ann, bob = Player(pit, "ann"), Player(pit, "bob")
+    for slot in range(6):
+        ann.ask(slot=slot, team="red")
+    for slot in range(3):
+        bob.ask(slot=slot, team="blue")
+    assert (pit.core.n_running, pit.core.queues["clients"]) == (3, 3)
+    reads.clear()
+
+    for is_present in (True, False):
+        pit.do(PresenceChanged("stranger", is_present))
+
+    assert not reads
+    pit.do(PresenceChanged(ann.client, False))
+    assert pit.core.queues["clients"] == 0
+    assert all(match.is_away(Team.RED) for match in pit.core.matches)

@@ -1,9 +1,11 @@
 """Bundles: each journal whole, as it was, or not there, wherever a bundle was cut or changed."""
 
 import os
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
+import msgpack
 import pytest
 
 from arena.errors import JournalError
@@ -158,3 +160,27 @@ def test_a_length_that_nothing_has_takes_no_memory(tmp_path: Path) -> None:
 
     with pytest.raises(JournalError, match=r"the journal of a in the bundle 000001.journals was changed"):
         bundle.read("a")
+
+
+@pytest.mark.parametrize("is_indexed", [True, False])
+def test_a_strangers_bundle_takes_no_more_memory_than_a_journal(tmp_path: Path, is_indexed: bool) -> None:
+    """Whose file says that the name of a match has 4 GB, and has holes if need be."""
+    path, head = tmp_path / "1.journals", journal_bundle._HEAD.pack(b"J", 2**32 - 1, 0, 0)
+    index = journal_bundle._pack(b"I", b"", msgpack.packb({"a": len(MAGIC)}))
+    trailer = journal_bundle._TRAILER.pack(len(MAGIC + head), b"JOURNALS")
+    path.write_bytes(MAGIC + head + (index + trailer if is_indexed else b""))
+    if not is_indexed:
+        os.truncate(path, 2**32 + 100)
+    bundle = Bundle(path)
+    tracemalloc.start()
+
+    bundle.look()
+    found = list(bundle)
+    for identity in found:
+        with pytest.raises(JournalError, match="was changed"):
+            bundle.read(identity)
+
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert found == (["a"] if is_indexed else [])
+    assert most < 1 << 20

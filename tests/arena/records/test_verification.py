@@ -1,5 +1,6 @@
 """Signatures of a journal, and transcripts, against the match as it is played again."""
 
+import tracemalloc
 from dataclasses import replace
 
 import pytest
@@ -14,6 +15,7 @@ from sealed_match import (
     Played,
 )
 
+from arena.game.ruleset import load
 from arena.game.types import Action, Team, Termination
 from arena.protocol.signed import sign_journal
 from arena.records.journal import Journal, Mark, read_journal
@@ -277,3 +279,19 @@ def test_an_ending_that_the_seat_was_not_told_is_named() -> None:
     for team in Team:
         assert compare(won.journal(), won.transcript(team)) == ""
         assert compare(lost.journal(), won.transcript(team)) == "the journal ends otherwise than the seat was told"
+
+
+def test_a_match_is_watched_without_all_of_it_in_memory() -> None:
+    """A stranger's journal of 40 MB may have a million ticks, which would be 8 GB."""
+    played = Played(ruleset=load("paper").with_({"side": 64, "tick_limit": 400, "units": {"ugv": {"attack": 0}}})).play()
+    journal, transcript = played.journal(), played.transcript(Team.RED)
+    all_shown = sum(map(len, played.shown[Team.BLUE]))
+    tracemalloc.start()
+
+    checked, difference = check_seals(journal), compare(journal, transcript)
+
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert (checked is not None and checked.is_signed, difference) == (True, "")
+    assert len(played.shown[Team.BLUE]) > 100
+    assert most < all_shown / 2

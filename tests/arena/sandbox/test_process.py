@@ -1,5 +1,6 @@
 """Processes under limits and behind walls: real ones, with real bubblewrap."""
 
+import errno
 import json
 import os
 import shutil
@@ -386,3 +387,26 @@ def test_a_wall_without_its_limits_is_not_built(monkeypatch: pytest.MonkeyPatch)
 
     with pytest.raises(InputError, match="the limits of a sandbox cannot be held any more: no control group can be made here"):
         SandboxedProcess(["true"], WALL, {})
+
+
+def test_a_process_that_cannot_be_started_leaves_no_control_group_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    group = ControlGroup.make(NO_LIMITS)
+    if group is None:
+        pytest.skip("this user can make no control group here")
+    group.remove()
+    parents = {folder.parent for folder in group.folders.values()}
+    before = find_groups(parents)
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+
+    monkeypatch.setattr(subprocess, "Popen", fail)
+
+    with pytest.raises(OSError, match="Cannot allocate memory"):
+        SandboxedProcess(["true"], WALL, {})
+
+    assert find_groups(parents) == before
+
+
+def find_groups(parents: set[Path]) -> set[Path]:
+    return {folder for parent in parents for folder in parent.glob(f"arena-{os.getpid()}-*")}
