@@ -85,7 +85,9 @@ def test_a_restored_league_has_the_same_reports_and_journals_that_hold(played: P
             for folder in (played, restored)
         )
         assert before
-        assert after.replace(str(restored), str(played)) == before
+        after = after.replace(str(restored), str(played))
+        after = after.replace(os.path.relpath(restored), os.path.relpath(played))  # a link shows what is shorter
+        assert after == before
     journals = sorted((restored / "journals" / "friday").glob("*.journal"))
     assert len(journals) == 2
     assert here("replay", "verify", "--local", *journals).returncode == 0

@@ -285,6 +285,7 @@ def test_a_node_that_is_killed_loses_nothing_and_strangers_play_behind_walls_whe
                 received += venue.receive()
         together = by_identity(iter(received))
         killed.result(PATIENCE_S)
+    cluster.wait_for_nodes(PATIENCE_S)  # until the cluster knows that the third is gone: another test may come next
 
     assert "are begun again: Task failed because the node it was running on is dead" in caplog.text
     assert together == alone
