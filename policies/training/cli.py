@@ -35,7 +35,10 @@ def start_or_go_on(
     ] = None,
     start: Annotated[
         str,
-        typer.Option(metavar="clone:FIGHTER|FILE", help="Begin as a copy of a script, or from a checkpoint; else from nothing."),
+        typer.Option(
+            metavar="clone:FIGHTER|FILE",
+            help="Begin as a copy of a script, or from a checkpoint or champion; else from nothing.",
+        ),
     ] = "",
     curriculum: Annotated[
         str, typer.Option(metavar="paper", help="Train stage after stage, each from the one before, in folders of --out.")

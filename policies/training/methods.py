@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Protocol
 
 from arena.errors import InputError
-from policies.registry import load
+from policies.registry import load, shipped
 from policies.training import distil_settings, ppo_settings, reinforce_settings
 from policies.training.budget import Budget
 from policies.training.distil_settings import DistilSettings
@@ -91,6 +91,8 @@ def make_config(
 
     Parameters
     ----------
+    start
+        `clone:FIGHTER`, a checkpoint's file, the name of a network that ships, or nothing.
     against
         The only opponent, to which a best response is trained; or nobody.
 
@@ -107,6 +109,7 @@ def make_config(
         raise InputError("--against names the only opponent; leave out --set opponents, or --against")
     if method != PPO and start.startswith("clone:"):
         raise InputError(f"--start clone: is for the method ppo; {method} begins with nothing, or from a checkpoint's file")
+    start = str(shipped().get(start, start))
     if method == DISTIL:
         taught = DistilSettings(rules=rules or "paper", seed=seed, data=list(data)).with_(assignments)
         return RunConfig(method=method, start=start, budget=checked(method, budget), settings=taught)

@@ -15,7 +15,7 @@ from torch import nn
 from arena.errors import ArenaError, InputError
 from arena.game.types import Action
 from policies.networks.checkpoint import load_checkpoint
-from policies.networks.models import TeamNetwork
+from policies.networks.models import TeamNetwork, TeamShape
 from policies.training import opponents, ppo_run
 from policies.training.budget import Budget
 from policies.training.folder import METRICS, START, RunFolder
@@ -26,6 +26,7 @@ from policies.training.ppo import MOST_NORM, Learner
 from policies.training.ppo_run import PpoRun, schedule
 from policies.training.ppo_settings import PpoSettings
 from policies.training.rollout import Results, collect
+from policies.training.start import read_team_network
 
 
 def norm_of(network: nn.Module) -> float:
@@ -200,6 +201,16 @@ def test_the_next_rollout_is_played_while_one_is_learned_from_if_it_may_be(
     assert run.train(lambda: False)
     assert len(learned) == run.counts.rollouts > 1
     assert all(learned)
+
+
+@pytest.mark.parametrize("method", ["ppo", "distil"])
+def test_a_run_may_begin_from_a_network_that_ships_by_its_name(method: str) -> None:
+    given = {"rules": None, "seed": 1, "assignments": [], "data": ["seen"] if method == "distil" else []}
+
+    config = make_config(method, "champion", Budget(), **given)  # type: ignore[arg-type]
+
+    assert read_team_network(Path(config.start), "start from").shape == TeamShape()
+    assert make_config(method, "other.safetensors", Budget(), **given).start == "other.safetensors"  # type: ignore[arg-type]
 
 
 def test_a_best_response_meets_one_fighter_alone_and_tells_its_score_with_an_interval(
