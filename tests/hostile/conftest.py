@@ -75,7 +75,9 @@ class Stranger:
         return answers.get(timeout=PATIENCE_S)
 
     def challenge(self) -> Challenge:
-        challenge = decode(self.query(topics.join(self.pit), encode(ChallengeRequest())))
+        """Ask for a challenge, and once more if nobody answered, as every client does."""
+        question = topics.join(self.pit), encode(ChallengeRequest())
+        challenge = decode(self.query(*question) or self.query(*question))
         assert isinstance(challenge, Challenge), challenge
         self.pit_key = challenge.pit_key
         return challenge
