@@ -62,8 +62,8 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba's, which has no typ
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return what the function was compiled to for a signature, or None if it is not there, whole.
 
-        The context is not refreshed, as numba's own cache does: that imports all that numba can compile, SciPy with it, and takes
-        longer than all kernels of a match. What is compiled refreshes it first.
+        Numba's own cache refreshes the context first, which imports all that numba can compile, SciPy with it, and takes longer
+        than all kernels of a match. Nothing that is loaded needs it; compiling does it by itself.
 
         Raises
         ------
