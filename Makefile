@@ -43,7 +43,7 @@ pytest: $(READY) ## the tests, in sizes that take minutes
 test: check pytest ## check, then pytest
 
 test-full: check ## the same, in the sizes that claims need
-	ARENA_TEST_SIZE=full $(BIN)/pytest -n auto --dist worksteal
+	ARENA_TEST_SIZE=full $(BIN)/pytest -n auto --dist worksteal -o faulthandler_timeout=7200
 
 format: $(READY) ## let ruff rewrite the sources
 	$(BIN)/ruff check --fix .

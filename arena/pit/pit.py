@@ -35,8 +35,9 @@ from arena.records.plan import MatchPlan, PitMatchId
 _DRAIN_S = 8.0
 """How long running matches may go on after `stop`; what is left then can be resumed."""
 
-_FAREWELL_S = 2.0
-"""How long the pit stays after its last match, for clients to learn that it is over."""
+_FAREWELL_S = 6.0
+"""How long the pit stays after its last match for clients that are there still: who missed the ending asks for it when it has
+heard nothing for a while (`clients.core.SILENCE_S`), and again if nobody answers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,10 +137,8 @@ class Pit:
         if self._settings.monitor is not None:
             self._settings.monitor.answer(referee, self._settings.ladder)
         now_s = time.monotonic()
-        if self._stopped_at_s is not None and now_s - self._stopped_at_s > _DRAIN_S:
-            return True
         if not self._seating.is_done or referee.n_running:
-            return False
+            return self._stopped_at_s is not None and now_s - self._stopped_at_s > _DRAIN_S
         self._done_at_s = self._done_at_s or now_s
         return referee.is_deserted or now_s - self._done_at_s > _FAREWELL_S
 

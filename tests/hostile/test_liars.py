@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import msgpack
+import pytest
 
+from arena.errors import ForgedError
 from arena.game.types import RULES_VERSION, Team
 from arena.protocol import topics
 from arena.protocol.codec import MOST_BYTES, decode, encode
@@ -31,6 +33,7 @@ from arena.protocol.signed import read_statement
 from arena.records.journal import Mark
 from arena.records.journal_folder import load_journal
 from arena.records.replay import verify
+from clients.seat_session import SeatSession
 
 Start = Callable[..., Any]
 PATIENCE_S = 60.0
@@ -234,6 +237,28 @@ def test_a_stopped_listener_and_a_stopped_seat_make_no_other_match_late(
     for journal in others:
         assert verify(journal) > 0
         assert not any(mark & Mark.LATE for tick in journal.ticks for mark in tick.marks)
+
+
+def test_who_missed_the_ending_learns_it_before_the_pit_is_gone(
+    serve: Start, play_here: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pit = serve("--matches", 1, "--set", "tick_limit=3")
+    receive = SeatSession.receive
+
+    def miss_the_ending(session: SeatSession, payload: bytes) -> list[bytes]:
+        said = receive(session, payload)
+        if session.seat.ended is None:
+            return said
+        session.seat.ended = None
+        raise ForgedError("it was lost")
+
+    monkeypatch.setattr(SeatSession, "receive", miss_the_ending)
+    players = [play_here("patrol", name=name) for name in ("ann", "bob")]
+    pit.wait_for("after 3 ticks")
+    pit.send(signal.SIGTERM)
+
+    assert [player.result(PATIENCE_S) for player in players] == [1, 1]
+    assert pit.finish() == 0
 
 
 def test_who_was_away_when_the_match_ended_is_told_how(serve: Start, play_here: Start, stranger: Start) -> None:
