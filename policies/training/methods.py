@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any, Protocol
 
-from arena.errors import InputError
-from policies.registry import load, shipped
+from arena.errors import InputError, UnknownNameError
+from policies.registry import CHECKPOINT, load, shipped
 from policies.training import distil_settings, ppo_settings, reinforce_settings
 from policies.training.budget import Budget
 from policies.training.distil_settings import DistilSettings
@@ -109,7 +110,10 @@ def make_config(
         raise InputError("--against names the only opponent; leave out --set opponents, or --against")
     if method != PPO and start.startswith("clone:"):
         raise InputError(f"--start clone: is for the method ppo; {method} begins with nothing, or from a checkpoint's file")
-    start = str(shipped().get(start, start))
+    known = shipped()
+    if start and not (start in known or start.startswith("clone:") or start.endswith(CHECKPOINT) or Path(start).exists()):
+        raise UnknownNameError("start", start, ["a checkpoint's file", "clone:SCRIPT", *known])
+    start = str(known.get(start, start))
     if method == DISTIL:
         taught = DistilSettings(rules=rules or "paper", seed=seed, data=list(data)).with_(assignments)
         return RunConfig(method=method, start=start, budget=checked(method, budget), settings=taught)

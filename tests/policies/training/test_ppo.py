@@ -213,6 +213,12 @@ def test_a_run_may_begin_from_a_network_that_ships_by_its_name(method: str) -> N
     assert make_config(method, "other.safetensors", Budget(), **given).start == "other.safetensors"  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("start", "hint"), [("chmpion", "did you mean 'champion'"), ("0", "known: a checkpoint's file, ")])
+def test_a_start_that_is_neither_a_file_nor_a_name_is_refused_with_a_hint(start: str, hint: str) -> None:
+    with pytest.raises(InputError, match=f"^unknown start '{start}'; {hint}"):
+        make_config("ppo", start, Budget(), rules=None, seed=1, assignments=[])
+
+
 def test_a_best_response_meets_one_fighter_alone_and_tells_its_score_with_an_interval(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
