@@ -62,6 +62,8 @@ class TrainingRun(Generic[Settings]):
         state = folder.load_state()
         if state is not None:
             self._go_on(state)
+        if processes.is_first:
+            folder.cut_metrics(self.counts.step)
 
     def _begin(self, device: str) -> None:
         """Make all that learns, and counts of nothing."""
@@ -76,5 +78,3 @@ class TrainingRun(Generic[Settings]):
             self._restore(state)
         except (KeyError, RuntimeError, TypeError, ValueError) as error:
             raise InputError(f"cannot go on from {self.folder.path}: its state is of another version ({error})") from error
-        if self.processes.is_first:
-            self.folder.cut_metrics(self.counts.step)

@@ -214,6 +214,17 @@ def test_a_run_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     assert manifest.training["samples"] == second.counts.samples
 
 
+def test_what_a_run_did_before_it_kept_anything_is_done_and_told_once(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "run")
+    folder.create({})
+    for step in (1, 2):
+        folder.add_metrics({"step": step, "stage": "clone"})  # of a sitting that was killed before it saved
+
+    run = start_run(folder, Budget(samples=700), stop_after=2)
+
+    assert [int(row["step"]) for row in rows_of(folder.path)] == list(range(1, run.counts.step + 1))
+
+
 def test_other_rulesets_get_their_share_of_lessons_and_rollouts(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path / "run")
     folder.create({})
