@@ -114,8 +114,13 @@ class RefereeProcess:
 
     def __exit__(self, *_: object) -> None:
         self._process.terminate()
+        self._end()
+
+    def _end(self) -> None:
+        """Wait for its end; not for long, for it may hang in what it does last."""
         self._process.join(GOODBYE_S)
         self._process.kill()
+        self._process.join()
 
     def start(self, known: Addition, dismissed: Collection[str], *, is_finished: bool) -> None:
         """Start it with all that it would have been told by now, and wait until the pit is open."""
@@ -189,7 +194,7 @@ class RefereeProcess:
     def reap(self, reason: str = "") -> None:
         """Take note of a referee that is gone; `ArenaError` if that happens again and again."""
         self._is_open = False
-        self._process.join()
+        self._end()
         self._pipe.close()
         self._restarts.note_death()
         if self._restarts.is_reached:

@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from arena.network.address import Address
 from arena.sandbox.limits import NO_LIMITS
 from arena.sandbox.process import Sandbox
 from tournaments.outcome import Outcome
+from tournaments.venues import referee_process
 from tournaments.venues.bundle import freeze
 from tournaments.venues.local import play as play_local
 from tournaments.venues.network import play as play_network
@@ -175,6 +177,18 @@ def test_a_referee_that_dies_again_and_again_ends_the_league_in_one_sentence_tha
     finally:
         is_over.set()
         killer.join()
+
+
+def test_a_referee_that_hangs_as_it_ends_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(referee_process, "GOODBYE_S", 0.1)
+    hanging = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(1_000,), daemon=True)
+    hanging.start()
+    referee = referee_process.RefereeProcess(make_setting(tmp_path, one="rush"), Address())
+    referee._process, referee._pipe = hanging, multiprocessing.Pipe()[0]
+
+    referee.reap()
+
+    assert hanging.exitcode == -signal.SIGKILL
 
 
 def test_a_referee_that_cannot_listen_says_so(tmp_path: Path, few_deaths: int) -> None:
