@@ -77,6 +77,8 @@ def _import(path: Path) -> ModuleType:
         raise PolicyError(f"{path}, line {error.lineno or 1}: this is not Python: {error.msg}") from error
     except ValueError as error:
         raise PolicyError(f"{path} is not Python: {error}") from error
+    except (RecursionError, MemoryError) as error:
+        raise PolicyError(f"{path} cannot be compiled: an expression in it is too long, or nested too deeply") from error
     if str(place.parent) not in sys.path:
         sys.path.append(str(place.parent))
     name = f"bot_{place.stem}_{sha256(os.fsencode(place)).hexdigest()[:8]}"  # two bots may share a file name
