@@ -198,6 +198,8 @@ def load_program(command_line: str) -> MakeBot:
             idle.append(Program(command, skipped))
         except OSError as error:
             raise PolicyError(f"cannot start {command[0]}: {error.strerror}") from error
+        except ValueError as error:
+            raise PolicyError(f"the command line {command_line!r} cannot be started: {error}") from error
     return lambda: ProgramBot(command, idle, skipped)
 
 

@@ -161,6 +161,7 @@ def test_its_children_end_with_it(tmp_path: Path) -> None:
         ("/no/such/program", "cannot start /no/such/program: No such file or directory"),
         ("", "the command line is empty"),
         ("'open", "cannot be read"),
+        ("node\0", "cannot be started: embedded null byte"),
     ],
 )
 def test_a_program_that_cannot_be_started_is_said_before_the_match(line: str, says: str) -> None:
