@@ -102,7 +102,8 @@ class Program:
         for _ in range(MOST_SKIPPED):
             line = self._pipes[1].readline(MOST_LINE_BYTES)
             if not line.endswith(b"\n"):
-                raise ProgramError(f"a line has more than {MOST_LINE_BYTES} bytes" if line else self._exit_message())
+                is_too_long = len(line) == MOST_LINE_BYTES
+                raise ProgramError(f"a line has more than {MOST_LINE_BYTES} bytes" if is_too_long else self._exit_message())
             try:
                 return json.loads(line)
             except (ValueError, RecursionError):
