@@ -51,6 +51,14 @@ def read_text(path: Path) -> str:
     return read_file(path, MOST_TEXT_BYTES).decode("utf-8").replace("\r\n", "\n")
 
 
+def mode_of(path: Path) -> int:
+    """Return the `st_mode` of what somebody names; 0 where nothing is there, or where it is out of reach, or no path at all."""
+    try:
+        return path.stat().st_mode
+    except (OSError, ValueError):  # it may be the text of a program, too long for a path
+        return 0
+
+
 def check_file(path: Path, most_bytes: int) -> int:
     """Return how many bytes a file has that a library is to open by its path; raises as `read_file` does."""
     found = path.stat()

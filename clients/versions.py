@@ -5,8 +5,10 @@ from collections.abc import Iterator
 from hashlib import file_digest, sha256
 from importlib.metadata import version as version_of_package
 from pathlib import Path
+from stat import S_ISREG
 
 from arena.errors import InputError
+from arena.files import mode_of
 from policies.program import PREFIX
 from policies.registry import split_settings
 
@@ -46,7 +48,7 @@ def _hash_files(spec: str) -> Iterator[bytes]:
     if spec.startswith(PREFIX) and words and Path(words[0]).is_absolute():
         words = words[1:]  # an interpreter of this machine
     for path in map(Path, words):
-        if path.is_file():
+        if S_ISREG(mode_of(path)):
             try:
                 with path.open("rb") as file:
                     yield file_digest(file, "sha256").digest()

@@ -28,7 +28,8 @@ def load_bot(file: str) -> Callable[..., Any]:
     Raises
     ------
     PolicyError
-        The file cannot be read or imported, or has no bot, or several, or a `BatchPolicy` that asks to see the whole board.
+        The file cannot be read or imported, or has no bot, or several, or a `BatchPolicy` that asks to see the whole board, or
+        for no number of seats.
     """
     module = _import(Path(file))
     act = getattr(module, "act", None)
@@ -49,8 +50,12 @@ def load_bot(file: str) -> Callable[..., Any]:
     if len(named) > 1 and named[0] not in _CLASS_NAMES:
         raise PolicyError(f"{file} has several bots, {' and '.join(sorted(fighters))}; name the one to play Policy")
     fighter = fighters[named[0]]
-    if (batch := batch_policy(fighter)) is not None and batch.is_cheat:
-        raise PolicyError(f"{file}: {named[0]} sets is_cheat, which no bot file may; leave it out")
+    if (batch := batch_policy(fighter)) is not None:
+        if batch.is_cheat:
+            raise PolicyError(f"{file}: {named[0]} sets is_cheat, which no bot file may; leave it out")
+        most_seats = getattr(batch, "most_seats", 1)
+        if not isinstance(most_seats, int) or most_seats < 1:
+            raise PolicyError(f"{file}: {named[0]} sets most_seats to {most_seats!r}; it must be a whole number from 1 on")
     return fighter
 
 
@@ -72,6 +77,8 @@ def _import(path: Path) -> ModuleType:
         raise PolicyError(f"{path}, line {error.lineno or 1}: this is not Python: {error.msg}") from error
     except ValueError as error:
         raise PolicyError(f"{path} is not Python: {error}") from error
+    except (RecursionError, MemoryError) as error:
+        raise PolicyError(f"{path} cannot be compiled: an expression in it is too long, or nested too deeply") from error
     if str(place.parent) not in sys.path:
         sys.path.append(str(place.parent))
     name = f"bot_{place.stem}_{sha256(os.fsencode(place)).hexdigest()[:8]}"  # two bots may share a file name

@@ -102,7 +102,8 @@ class Program:
         for _ in range(MOST_SKIPPED):
             line = self._pipes[1].readline(MOST_LINE_BYTES)
             if not line.endswith(b"\n"):
-                raise ProgramError(f"a line has more than {MOST_LINE_BYTES} bytes" if line else self._exit_message())
+                is_too_long = len(line) == MOST_LINE_BYTES
+                raise ProgramError(f"a line has more than {MOST_LINE_BYTES} bytes" if is_too_long else self._exit_message())
             try:
                 return json.loads(line)
             except (ValueError, RecursionError):
@@ -198,6 +199,8 @@ def load_program(command_line: str) -> MakeBot:
             idle.append(Program(command, skipped))
         except OSError as error:
             raise PolicyError(f"cannot start {command[0]}: {error.strerror}") from error
+        except ValueError as error:
+            raise PolicyError(f"the command line {command_line!r} cannot be started: {error}") from error
     return lambda: ProgramBot(command, idle, skipped)
 
 

@@ -10,10 +10,12 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.resources import files
 from pathlib import Path
+from stat import S_ISDIR
 from typing import Any
 
 from arena.errors import PolicyError, UnknownNameError
 from arena.extras import needs
+from arena.files import mode_of
 from arena.policy import BatchFactory, BatchPolicy
 from policies.batch_bot import GuardedBatchFactory
 from policies.bot_file import batch_policy, load_bot
@@ -98,7 +100,7 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
         return make_factory(spec, _loaded(_installed()[spec]))
     if spec in NOT_PACKAGED:
         raise PolicyError(NOT_PACKAGED[spec])
-    if Path(spec).is_dir():
+    if S_ISDIR(mode_of(Path(spec))):
         raise PolicyError(f"{spec} is a folder; name the bot's file in it, as in {Path(spec) / 'bot.py'}")
     raise UnknownNameError("policy", spec, names())
 

@@ -14,6 +14,7 @@ from arena.game.keys import MatchKeys, derive_map_key, derive_match_key, new_sec
 from arena.game.ruleset import Ruleset
 from arena.game.state import StateField
 from arena.game.types import Action, Team, Termination
+from arena.policy import MatchResult
 
 _LAST = int(max(Action))
 REWARDS = ("score", "outcome")
@@ -103,6 +104,12 @@ class Episodes:
     def _show(self) -> None:
         if self._render_mode == "human":
             show(self.game.truth(0))
+
+
+def abandoned(ticks: int) -> MatchResult:
+    """Return what an opponent hears of a match in whose place another begins."""
+    reason = "another match was begun in its place"
+    return MatchResult(ending=Termination.VOID, winner=None, score=0, ticks=ticks, reason=reason)
 
 
 def keys_of(secret: bytes, number: int) -> MatchKeys:

@@ -9,13 +9,14 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
-from arena.envs.episodes import RENDER_MODES, Episodes, read_orders
+from arena.envs.episodes import RENDER_MODES, Episodes, abandoned, read_orders
 from arena.envs.spaces import laid_out, order_space, team_space
 from arena.envs.views import Shown, lay_out
 from arena.errors import UnknownNameError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team, Termination
 from arena.policy import BatchFactory
+from arena.records.replay import match_results
 
 TEAMS = tuple(team.name.lower() for team in Team)
 
@@ -63,6 +64,8 @@ class SingleCapture(gymnasium.Env[Shown, NDArray[Any]], EzPickle):
     def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> tuple[Shown, dict[str, Any]]:
         """Begin a match; `options["keys"]`, of `MatchKeys`, names one among all that there are."""
         super().reset(seed=seed)
+        if self._episodes.ending is Termination.RUNNING:
+            self._opponent.end(0, abandoned(int(self._episodes.seen[self._team].tick[0])))
         self._episodes.begin(seed, options)
         self._opponent.start(np.zeros(1, np.intp))
         return self._observe(), self._episodes.info()
@@ -76,6 +79,9 @@ class SingleCapture(gymnasium.Env[Shown, NDArray[Any]], EzPickle):
         orders = {self._team: self._episodes.views[self._team].to_orders(own), self._team.other: theirs[0]}
         reward = self._episodes.step(orders)
         is_over = self._episodes.ending is not Termination.RUNNING
+        if is_over:
+            [result] = match_results(self._episodes.game, [0])
+            self._opponent.end(0, result.seen_by(self._team.other))
         own_reward = reward if self._team is Team.BLUE else -reward
         return self._observe(), own_reward, is_over, False, self._episodes.info()
 

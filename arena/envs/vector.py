@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from arena.envs.episodes import FULL_SCORE, SteppedError, check_reward, keys_of, read_orders
+from arena.envs.episodes import FULL_SCORE, SteppedError, abandoned, check_reward, keys_of, read_orders
 from arena.envs.single import read_team
 from arena.envs.spaces import laid_out, order_space, team_space
 from arena.envs.views import Shown, TeamView, check_layout, lay_out, load_rules
@@ -20,6 +20,7 @@ from arena.game.ruleset import Ruleset
 from arena.game.state import StateField
 from arena.game.types import Team
 from arena.policy import BatchFactory
+from arena.records.replay import match_results
 
 
 class VectorCapture(VectorEnv[Shown, NDArray[Any], NDArray[Any]], EzPickle):
@@ -113,6 +114,9 @@ class VectorCapture(VectorEnv[Shown, NDArray[Any], NDArray[Any]], EzPickle):
         is_over, after = self._games.is_over, self._score()
         rewards = np.sign(after) * is_over if self._is_outcome else (after - before) / FULL_SCORE
         rewards[were_over], is_over[were_over] = 0.0, False
+        ended = np.flatnonzero(is_over).tolist()
+        for row, result in zip(ended, match_results(self._games, ended), strict=True):
+            self._opponent.end(row, result.seen_by(self._team.other))
         final: dict[str, Any] = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             final = self._final(is_over)
@@ -157,6 +161,8 @@ class VectorCapture(VectorEnv[Shown, NDArray[Any], NDArray[Any]], EzPickle):
     def _begin(self, rows: NDArray[np.intp]) -> None:
         if not len(rows):
             return
+        for row in rows[~self._games.is_over[rows]].tolist():
+            self._opponent.end(row, abandoned(int(self._games.state.field[row, StateField.TICK])))
         self._games.start(rows, [keys_of(self._secrets[row], int(self._n_begun[row])) for row in rows])
         self._opponent.start(rows)
         self._n_begun[rows] += 1

@@ -34,7 +34,8 @@ class TeamView:
     ----------
     frame
         `board`: as the board is. `own`: as if the team were blue, whichever it is. Its own units, half and flag have blue's
-        codes, and the enemy is east. So a network that was trained on one side plays the other, too.
+        codes, and red's east and west change places. So a network that was trained on one side plays the other, too. On which
+        side the own half lies is drawn, for blue as for red.
     """
 
     def __init__(self, ruleset: Ruleset, team: Team, frame: str = "board") -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from platformdirs import user_data_path
 
 from arena.errors import InputError
+from arena.files import mode_of
 from arena.keyring.ring import config_folder
 from arena.submission import MARK, START
 from arena.submission import PROGRAM as SUBMITTED_PROGRAM
@@ -22,9 +23,9 @@ def resolve(spec: str) -> tuple[str, list[Path]]:
     if not spec.startswith(PROGRAM):
         file, settings = split_settings(spec)
         path = Path(file).absolute()
-        if not (is_file_or_program(spec) and path.exists()):
+        if not (is_file_or_program(spec) and mode_of(path)):
             return spec, []
-        return f"{path}{settings}", [path, path.parent] if (path.parent / MARK).is_file() else [path]
+        return f"{path}{settings}", [path, path.parent] if mode_of(path.parent / MARK) else [path]
     try:
         words = shlex.split(spec.removeprefix(PROGRAM))
     except ValueError:
@@ -32,7 +33,7 @@ def resolve(spec: str) -> tuple[str, list[Path]]:
     files = []
     for number, word in enumerate(words):
         path = Path(word).absolute()
-        if path.exists() and (word.startswith("/") or path.is_file()) and (number > 0 or "/" in word):
+        if mode_of(path) and (word.startswith("/") or path.is_file()) and (number > 0 or "/" in word):
             words[number] = str(path)
             files.append(path)
     return PROGRAM + shlex.join(words), files

@@ -1,8 +1,9 @@
 """What a fighter's process and its owner say to each other: MessagePack, each message behind its length.
 
-    to it    ["start", seat, {rules}, team, match, keeps, explains]
-                                                            a match begins: its name, and `arena.policy.BatchPolicy`'s
-                                                            `keeps_annotations` and `explains`
+    to it    ["start", seat, {rules}, team, match, seconds, keeps, explains]
+                                                            a match begins: its name, how long a turn may take, or null where no
+                                                            clock runs, and `arena.policy.BatchPolicy`'s `keeps_annotations` and
+                                                            `explains`
     to it    ["act", seat, observation]                     as `arena.protocol.observation_codec` packs it
     to it    ["end", seat, {"ending": ..., ...}]            the match is over
     from it  ["loaded"] or ["failed", why]                  once
@@ -23,8 +24,8 @@ _LENGTH_BYTES = 4
 
 
 def pack(message: list[Any]) -> bytes:
-    """Return a message behind its length."""
-    data: bytes = msgpack.packb(message)
+    """Return a message behind its length; halves of letters, which no bytes stand for and names of files have, are escaped."""
+    data: bytes = msgpack.packb(message, unicode_errors="backslashreplace")
     return len(data).to_bytes(_LENGTH_BYTES, "little") + data
 
 

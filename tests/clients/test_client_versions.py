@@ -53,6 +53,7 @@ def test_nobody_can_tell_that_two_entries_play_the_same() -> None:
 
 def test_a_command_line_that_cannot_be_read_has_a_version_all_the_same() -> None:
     assert is_chunk(find_version("exec:node 'bot.js", ANN))
+    assert is_chunk(find_version(f"exec:node -e '{'1; ' * 200}'", ANN))
     assert is_chunk(find_version("exec:", ANN))
 
 

@@ -112,6 +112,12 @@ def test_a_file_does_not_ask_to_see_the_whole_board(played: Played) -> None:
         played(together(WALK) + "\n    is_cheat = True\n")
 
 
+@pytest.mark.parametrize("most", ["0", "-3", "2.5", "None", "'many'"])
+def test_a_number_of_seats_that_is_none_is_refused_in_a_sentence(played: Played, most: str) -> None:
+    with pytest.raises(PolicyError, match=f"Together sets most_seats to {most}; it must be a whole number from 1 on"):
+        played(together(WALK) + f"\n    most_seats = {most}\n")
+
+
 def test_one_seat_of_it_hears_its_match(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As in a pit, where each seat of each match has a process."""
     (tmp_path / "mybot.py").write_text(

@@ -52,6 +52,8 @@ def test_a_class_is_made_anew_and_a_function_shared(tmp_path: Path) -> None:
         ("from arena.policy import BatchPolicy", "has no bot"),
         ("class A:\n    def act(self, o): ...\nclass B:\n    def act(self, o): ...", "has several bots, A and B"),
         ("x = 1\ndef act(observation) return []", "mybot.py, line 2: this is not Python"),
+        ("x = 1" + " + 1" * 100_000, "mybot.py cannot be compiled: an expression in it is too long"),
+        ("x = " + "-" * 200_000 + "1", "mybot.py cannot be compiled: an expression in it is too long"),
         ("import no_such_thing", "mybot.py, line 1: the bot cannot be imported: ModuleNotFoundError: No module named"),
         ("\n\nvalue = 1 / 0", "mybot.py, line 3: the bot cannot be imported: ZeroDivisionError: division by zero"),
         ("import sys\nsys.exit(3)", "mybot.py, line 2: the bot cannot be imported: SystemExit: 3"),

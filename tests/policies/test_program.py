@@ -161,6 +161,7 @@ def test_its_children_end_with_it(tmp_path: Path) -> None:
         ("/no/such/program", "cannot start /no/such/program: No such file or directory"),
         ("", "the command line is empty"),
         ("'open", "cannot be read"),
+        ("node\0", "cannot be started: embedded null byte"),
     ],
 )
 def test_a_program_that_cannot_be_started_is_said_before_the_match(line: str, says: str) -> None:
@@ -194,6 +195,22 @@ def test_a_program_that_floods_its_stdout_is_ended_with_a_sentence_and_without_a
     assert list(faults.reasons.values()) == [(f"tick 0: {why}; all its units stay", 1)]
     assert ask(policy, games) == [UNREADABLE] * 6
     assert policy.take_faults(0).first_traceback == "the program ended earlier in this match"
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        ("print('[1, 1, 1', end='', flush=True); sys.exit(3)", "the program ended with exit code 3"),
+        ("print('1' * 70_000, flush=True)", "a line has more than 65536 bytes"),
+    ],
+)
+def test_of_a_line_that_does_not_end_it_is_said_whether_the_program_did(
+    answer: str, why: str, sit: Sit, games: BatchedGame
+) -> None:
+    policy = sit(answer)
+
+    assert ask(policy, games) == [UNREADABLE] * 6
+    assert why in (policy.take_faults(0).first_traceback or "")
 
 
 @pytest.mark.parametrize(

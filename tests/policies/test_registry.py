@@ -25,6 +25,11 @@ def test_an_unknown_name_gets_the_nearest() -> None:
         registry.load("patroll")
 
 
+def test_a_name_that_is_too_long_for_a_file_is_unknown() -> None:
+    with pytest.raises(UnknownNameError, match="unknown policy 'xxx"):
+        registry.load("x" * 300)
+
+
 def test_of_a_folder_the_file_is_to_be_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "wolf").mkdir()

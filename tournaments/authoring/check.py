@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from stat import S_ISDIR, S_ISREG
 
 from arena.errors import InputError
+from arena.files import mode_of
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.match.time_control import TimeControl
@@ -31,12 +33,12 @@ def find_bot(name: str) -> str:
         There is no such file, no bot in that folder, or no fighter of that name.
     """
     folder = Path(name)
-    if folder.is_dir():
+    if S_ISDIR(mode_of(folder)):
         if not (folder / "bot.py").is_file():
             raise InputError(f"{name} is a folder without a bot.py; name the bot's file, or a program as exec:COMMAND")
         return str(folder / "bot.py")
     kind = kind_of_file(name)
-    if kind is not None and not Path(without_settings(name)).is_file():
+    if kind is not None and not S_ISREG(mode_of(Path(without_settings(name)))):
         raise InputError(f"there is no {kind} {name}")
     check_name(name)
     return name

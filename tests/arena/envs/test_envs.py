@@ -6,7 +6,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from copy import deepcopy
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -21,13 +21,16 @@ from arena.envs.episodes import SteppedError
 from arena.envs.render import CELL_PX
 from arena.errors import ArenaError, UnknownNameError
 from arena.game.keys import MatchKeys
+from arena.game.observation import Observation
 from arena.game.ruleset import load
-from arena.game.types import Action, Team
+from arena.game.types import Action, Team, Termination
 from arena.local.venue import play
+from arena.policy import MatchResult
 from arena.protocol.observation_codec import ObservationWriter, without_clock
 from arena.records.journal import Journal, read_journal
 from arena.records.plan import MatchPlan
 from arena.records.verification import watch
+from policies.each_seat import EachSeatFactory
 from policies.environments import make_single, make_vector
 from policies.registry import load as load_fighter
 
@@ -280,6 +283,59 @@ def test_an_opponent_may_be_a_class() -> None:
     env.reset(seed=1)
 
     assert env.step(np.zeros(6, np.int64))[1] == 0.0
+
+
+class Diary:
+    """Stays, and notes for each match how often it was asked, and how the match ended."""
+
+    matches: ClassVar[list["Diary"]] = []
+
+    def __init__(self) -> None:
+        self.n_asked, self.results = 0, list[MatchResult]()
+        self.matches.append(self)
+
+    def act(self, observation: Observation) -> list[int]:
+        assert not self.results, "its match is over"
+        self.n_asked += 1
+        return [0] * len(observation.units)
+
+    def end(self, result: MatchResult) -> None:
+        self.results.append(result)
+
+
+@pytest.mark.parametrize("mode", [None, "NextStep", "SameStep"])
+def test_an_opponent_hears_how_each_of_its_matches_ended_and_is_asked_no_more(mode: str | None) -> None:
+    Diary.matches = []
+    options: dict[str, Any] = {"opponent": EachSeatFactory(Diary), "team": "red", "ruleset": SMALL.with_({"tick_limit": 4})}
+    env = make_single(**options) if mode is None else make_vector(2, autoreset_mode=mode, **options)
+    actions = np.zeros(env.action_space.shape or (), np.int64)
+    for _ in range(3):
+        env.reset(seed=1)
+        for _ in range(4):
+            env.step(actions)
+    env.reset(seed=1)
+    env.step(actions)
+    env.reset(seed=1)
+
+    *before, last = Diary.matches[: -1 if mode else None]
+    assert not last.results, "its match goes on"
+    assert {len(match.results) for match in before} == {1}
+    assert all(match.results[0].ticks == match.n_asked for match in before)
+    endings = [match.results[0].ending for match in before]
+    assert Termination.TICK_LIMIT in endings
+    assert endings[-1] is Termination.VOID
+
+
+def test_an_opponent_hears_its_own_score() -> None:
+    Diary.matches = []
+    board = SMALL.with_({"side": 4, "board": "F..f\n..U.\n....\nu..."})
+    options: dict[str, Any] = {"opponent": EachSeatFactory(Diary), "ruleset": board}
+    for env, shape in ((make_single(**options), (1,)), (make_vector(1, **options), (1, 1))):
+        env.reset(seed=1)
+        env.step(np.full(shape, Action.NORTH))
+        env.step(np.full(shape, Action.EAST))
+
+    assert [match.results[0].score for match in Diary.matches] == [-100, -100]
 
 
 @pytest.mark.parametrize("make", [make_single, make_vector, parallel_env])

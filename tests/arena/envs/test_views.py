@@ -13,7 +13,7 @@ from arena.envs import as_observation, as_observations, as_orders, parallel_env
 from arena.errors import BoardError, InputError, UnknownNameError
 from arena.game.observation import Observation
 from arena.game.ruleset import Ruleset, load
-from arena.game.types import Action, Team
+from arena.game.types import Action, Code, Team
 from policies.environments import make_single, make_vector
 
 PAPER = load("paper")
@@ -128,8 +128,19 @@ def test_actions_of_the_own_frame_become_orders(team: Team, orders: list[int]) -
     assert as_orders(range(5), team, frame="board").tolist() == [0, 1, 2, 3, 4]
 
 
+@pytest.mark.parametrize("frame", ["board", "own"])
+def test_in_either_frame_the_own_half_of_either_team_lies_on_either_side(frame: str) -> None:
+    env, found = parallel_env("paper", "teams", frame=frame), set()
+    for seed in range(8):
+        for team, seen in env.reset(seed=seed)[0].items():
+            own = Code.RED_HALF if frame == "board" and team == "red" else Code.BLUE_HALF
+            found.add((team, bool((seen["grid"][:, : PAPER.side // 2] == own).any())))
+
+    assert len(found) == 4
+
+
 def test_one_network_plays_both_sides_of_a_single_match_alike() -> None:
-    """Going east is going towards the enemy, for red as for blue."""
+    """Going east is seen and done as going east, by red as by blue."""
     for team in ("blue", "red"):
         env = make_single("patrol", team=team, frame="own")
         shown, _ = env.reset(seed=1)

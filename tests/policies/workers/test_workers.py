@@ -399,6 +399,14 @@ def test_what_a_bot_raises_is_told_with_its_line(start: Start, board: BatchedGam
     assert 'bot.py", line 2, in act' in (policy.take_faults(0).first_traceback or "")
 
 
+def test_half_a_letter_in_what_a_bot_raises_does_not_end_its_process(start: Start, board: BatchedGame) -> None:
+    raises = "class Bot:\n    def start(self, info):\n        raise ValueError('\\udcff')\n"
+    policy = start(raises + "    def act(self, seen):\n        return [2] * 6\n")
+
+    assert act(policy, board) == [2] * 6
+    assert "ValueError: \\udcff" in (policy.take_faults(0).first_traceback or "")
+
+
 def test_it_is_known_how_many_matches_can_begin_without_waiting_for_a_process(start: Start) -> None:
     policy = start(NOTES, n_spare=2)
     factory = policy._factory

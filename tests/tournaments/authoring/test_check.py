@@ -179,6 +179,8 @@ def test_a_bot_is_found_in_its_folder_and_what_is_not_there_is_refused(tmp_path:
         find_bot("gone.py")
     with pytest.raises(InputError, match="did you mean 'rush'"):
         find_bot("rsh")
+    with pytest.raises(InputError, match="there is no bot file xxx"):
+        find_bot("x" * 300 + ".py")
 
 
 def test_a_file_without_a_bot_is_bad_input(examine: Examine) -> None:
