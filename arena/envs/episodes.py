@@ -125,7 +125,10 @@ def check_reward(reward: str) -> None:
 
 def read_orders(actions: Any, shape: tuple[int, ...], who: str) -> NDArray[np.int8]:
     """Return orders of a shape whose last axis is that of units; `SteppedError` unless they are one action for each."""
-    orders = np.asarray(actions)
+    try:
+        orders = np.asarray(actions)
+    except ValueError:  # no array at all: its rows have different lengths
+        orders = np.empty(0)
     if orders.shape != shape or orders.dtype.kind not in "iu" or (orders.size and (orders.min() < 0 or orders.max() > _LAST)):
         n_orders = " x ".join(map(str, shape))
         raise SteppedError(f"the actions of {who} must be {n_orders} whole numbers from 0 to {_LAST}, not {actions!r}")

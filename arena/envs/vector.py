@@ -13,7 +13,7 @@ from arena.envs.episodes import FULL_SCORE, SteppedError, abandoned, check_rewar
 from arena.envs.single import read_team
 from arena.envs.spaces import laid_out, order_space, team_space
 from arena.envs.views import Shown, TeamView, check_layout, lay_out, load_rules
-from arena.errors import UnknownNameError
+from arena.errors import InputError, UnknownNameError
 from arena.game.engine import BatchedGame
 from arena.game.keys import new_secret, secret_from_seed
 from arena.game.ruleset import Ruleset
@@ -48,6 +48,8 @@ class VectorCapture(VectorEnv[Shown, NDArray[Any], NDArray[Any]], EzPickle):
         layout: str = "dict",
     ) -> None:
         EzPickle.__init__(self, num_envs, opponent, team, ruleset, reward, autoreset_mode, frame, layout)
+        if num_envs < 1:
+            raise InputError(f"num_envs is {num_envs}; there must be at least one row")
         check_reward(reward)
         check_layout(layout)
         self.num_envs, self._team, self._is_outcome = num_envs, read_team(team), reward == "outcome"
@@ -81,13 +83,10 @@ class VectorCapture(VectorEnv[Shown, NDArray[Any], NDArray[Any]], EzPickle):
         Raises
         ------
         SteppedError
-            The mask or the list of seeds does not fit the rows.
+            The mask or the seeds do not fit the rows.
         """
-        mask = self._read_mask(options)
-        if isinstance(seed, list) and len(seed) != self.num_envs:
-            raise SteppedError(f"there must be a seed for each of {self.num_envs} rows, not {len(seed)} of them")
+        mask, seeds = self._read_mask(options), self._read_seeds(seed)
         super().reset(seed=seed if isinstance(seed, int) else None)
-        seeds = [seed + row for row in range(self.num_envs)] if isinstance(seed, int) else seed or [None] * self.num_envs
         for row in np.flatnonzero(mask).tolist():
             one = seeds[row]
             if one is not None:
@@ -142,6 +141,17 @@ class VectorCapture(VectorEnv[Shown, NDArray[Any], NDArray[Any]], EzPickle):
         for number, row in enumerate(rows):
             last[row] = lay_out({name: values[number].copy() for name, values in seen.items()}, self._layout)
         return {"final_obs": last, "_final_obs": is_over.copy(), "final_info": self._info(is_over), "_final_info": is_over.copy()}
+
+    def _read_seeds(self, seed: int | list[int | None] | None) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, int):
+            return [seed + row for row in range(self.num_envs)]
+        if not isinstance(seed, list):
+            raise SteppedError(f"seed must be an int, or a list with one for each of {self.num_envs} rows, not {seed!r}")
+        if len(seed) != self.num_envs:
+            raise SteppedError(f"there must be a seed for each of {self.num_envs} rows, not {len(seed)} of them")
+        return seed
 
     def _read_mask(self, options: Mapping[str, Any] | None) -> NDArray[np.bool_]:
         mask = (options or {}).get("reset_mask")

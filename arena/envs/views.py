@@ -140,7 +140,9 @@ def as_observation(
     rules = view.ruleset
     index = {kind.name: number for number, kind in enumerate(rules.units)}
     team = [kind.name for kind in rules.team(observation.team)]
-    if len(observation.ground) != rules.side or [one.type for one in observation.units] != team:
+    is_strange = any(enemy.type not in index for enemy in observation.enemies)
+    is_strange |= observation.living[1] > len(rules.team(observation.team.other))
+    if is_strange or len(observation.ground) != rules.side or [one.type for one in observation.units] != team:
         raise InputError(
             f"the observation is of no team of the ruleset {rules.name} on {rules.side} x {rules.side} cells; "
             "pass the ruleset of its match, MatchInfo.ruleset"

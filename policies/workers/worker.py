@@ -33,7 +33,7 @@ _MOST_UNREAD_BYTES = 4 << 20
 _GOODBYE_S = 1.0
 """How long a process whose last match is over may take to end."""
 _LOOK_S = 1.0
-"""After so long without a word from it, it is looked whether it has met a limit."""
+"""After so long without a word from it, it is looked whether it has met a limit, or has ended."""
 _EXIT_S = 0.5
 """Between the end of what a process says and its own."""
 _WORDS = {
@@ -233,6 +233,8 @@ class Worker:
                 if not ready:  # it is busy, or idle; who works asks for more
                     for name in self._process.limits_met_so_far():
                         self._note(name)
+                    if not self._process.is_running:  # something that it started holds its pipe
+                        return self._end_by_s is not None
                 is_dismissed = self._end_by_s is not None
                 if self._end_by_s is not None and time.monotonic() >= self._end_by_s:
                     return is_dismissed

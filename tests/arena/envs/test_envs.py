@@ -259,7 +259,7 @@ def test_a_match_that_is_over_or_was_not_begun_is_not_stepped() -> None:
         single.step(np.zeros(6, np.int64))
 
 
-@pytest.mark.parametrize("actions", [[0] * 5, [5] * 6, [-1] * 6, [0.5] * 6, ["north"] * 6, None, [[0] * 6]])
+@pytest.mark.parametrize("actions", [[0] * 5, [5] * 6, [-1] * 6, [0.5] * 6, ["north"] * 6, None, [[0] * 6], [[0], [0, 1]]])
 def test_what_are_no_actions_is_refused_in_a_sentence(actions: Any) -> None:
     env = make_single("rush", ruleset=SMALL)
     env.reset(seed=1)

@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from arena.envs.episodes import SteppedError
 from arena.envs.vector import VectorCapture
-from arena.errors import UnknownNameError
+from arena.errors import InputError, UnknownNameError
 from arena.game.ruleset import load
 from arena.game.types import Termination
 from policies.environments import make_single, make_vector
@@ -80,6 +80,18 @@ def test_a_mask_before_the_first_reset_and_too_few_seeds_are_refused() -> None:
         env.reset(options={"reset_mask": np.array([True, False, False])})
     with pytest.raises(SteppedError, match="a seed for each of 3 rows, not 2"):
         env.reset(seed=[1, 2])
+
+
+@pytest.mark.parametrize("seed", [np.int64(0), np.int64(3), (1, 2, 3), np.arange(3), 1.0])
+def test_what_is_no_seed_is_refused_and_not_taken_for_none(seed: Any) -> None:
+    with pytest.raises(SteppedError, match="seed must be an int, or a list with one for each of 3 rows, not "):
+        make_vector(N_ROWS, ruleset=SMALL).reset(seed=seed)
+
+
+@pytest.mark.parametrize("num_envs", [0, -2])
+def test_no_rows_are_refused_in_a_sentence(num_envs: int) -> None:
+    with pytest.raises(InputError, match=f"num_envs is {num_envs}; there must be at least one row"):
+        make_vector(num_envs, ruleset=SMALL)
 
 
 def test_a_mode_of_another_name_is_refused() -> None:

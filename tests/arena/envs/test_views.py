@@ -1,5 +1,6 @@
 """What an environment shows is what a bot is shown, and in its own frame a team is always the blue one."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 
 from arena.envs import as_observation, as_observations, as_orders, parallel_env
 from arena.errors import BoardError, InputError, UnknownNameError
-from arena.game.observation import Observation
+from arena.game.observation import EnemyUnit, Observation
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Action, Code, Team
 from policies.environments import make_single, make_vector
@@ -187,3 +188,9 @@ def test_an_observation_under_other_rules_is_refused_in_a_sentence() -> None:
 
     with pytest.raises(InputError, match="no team of the ruleset paper on 20 x 20 cells; pass the ruleset of its match"):
         as_observation(told)
+    alone = PAPER.with_({"board": "F..f\n.U.u\n....\n...."})
+    many = Observation.from_board("F..f\n.Uuu\n....\n....")
+    of_another_type = replace(told, enemies=(EnemyUnit(row=1, column=3, type="tank", flies=False),))
+    for strange in (many, of_another_type):
+        with pytest.raises(InputError, match="no team of the ruleset paper"):
+            as_observation(strange, alone)

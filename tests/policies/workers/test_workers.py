@@ -208,6 +208,13 @@ def test_what_becomes_of_its_process_costs_the_seat_its_orders_and_is_told(
     assert says in (faults.first_traceback or "") or "MemoryError" in (faults.first_traceback or "")
 
 
+def test_a_process_has_ended_though_one_that_it_started_holds_its_pipes(start: Start, board: BatchedGame) -> None:
+    policy = start("import os, time\ndef act(seen):\n    if os.fork():\n        os._exit(3)\n    time.sleep(1000)\n", patience_s=20.0)
+
+    assert act(policy, board) == UNREADABLE
+    assert policy.take_faults(0).first_traceback == "its process ended with exit code 3"
+
+
 def test_who_answers_without_being_asked_is_ended_before_its_answers_fill_the_memory(start: Start, board: BatchedGame) -> None:
     policy = start(ANSWERS_WITHOUT_END, **walls())
 
