@@ -209,7 +209,9 @@ def test_what_becomes_of_its_process_costs_the_seat_its_orders_and_is_told(
 
 
 def test_a_process_has_ended_though_one_that_it_started_holds_its_pipes(start: Start, board: BatchedGame) -> None:
-    policy = start("import os, time\ndef act(seen):\n    if os.fork():\n        os._exit(3)\n    time.sleep(1000)\n", patience_s=20.0)
+    policy = start(
+        "import os, time\ndef act(seen):\n    if os.fork():\n        os._exit(3)\n    time.sleep(1000)\n", patience_s=20.0
+    )
 
     assert act(policy, board) == UNREADABLE
     assert policy.take_faults(0).first_traceback == "its process ended with exit code 3"
