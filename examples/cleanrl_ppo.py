@@ -57,7 +57,7 @@ class Learned(BatchPolicy):
     def act(self, observations, orders):
         with torch.no_grad():
             choice, _ = trained()(*tensors(as_observations(observations, self.ruleset, frame="own")))
-        orders[:] = as_orders(choice.logits.argmax(-1), self.team)
+        orders[:] = as_orders(choice.logits.argmax(-1), observations)
 
 
 if __name__ == "__main__":

@@ -43,7 +43,7 @@ def trained():
 class Learned(BatchPolicy):
     def act(self, observations, orders):
         seen = as_observations(observations, self.ruleset, frame="own")
-        orders[:] = as_orders(trained().predict(seen, deterministic=True)[0], self.team)
+        orders[:] = as_orders(trained().predict(seen, deterministic=True)[0], observations)
 
 
 if __name__ == "__main__":

@@ -53,7 +53,7 @@ class Learned:
     def act(self, observation):
         with torch.no_grad():
             choice, _ = trained()([as_observation(observation, self.ruleset, frame="own")])
-        return as_orders(choice.logits[0].argmax(-1), observation.team)
+        return as_orders(choice.logits[0].argmax(-1), observation)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The kernel that writes what teams know as the arrays of an environment."""
+"""The kernels that write what teams know as the arrays of an environment."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.game.compiled import can_enter, column_after, is_on_board, row_after
+from arena.game.compiled import can_enter, column_after, is_home, is_on_board, row_after
 from arena.game.types import Action, Code
 from arena.jit import compile_for, jit
 
@@ -15,8 +15,30 @@ _HIDDEN = int(Code.HIDDEN)
 
 
 @jit(keeps_gil=True)
+def find_turned(ground: NDArray[np.int8], side: int, team: int, is_turned: NDArray[np.bool_]) -> None:
+    """Write in which of n matches a team's own half is the eastern one, as far as most of the cells in its sight tell.
+
+    Parameters
+    ----------
+    ground
+        As `arena.game.observation.Observations` has it.
+    is_turned
+        Written: bool, shape (n,); false where nothing is in sight.
+    """
+    for game in range(len(is_turned)):
+        east = 0
+        for cell in range(side * side):
+            code, lies_east = ground[game, cell], 2 * (cell % side) >= side
+            if is_home(code, team):
+                east += 1 if lies_east else -1
+            elif is_home(code, 1 - team):
+                east += -1 if lies_east else 1
+        is_turned[game] = east > 0
+
+
+@jit(keeps_gil=True)
 def write_view(
-    is_mirrored: bool,
+    is_turned: NDArray[np.bool_],
     codes: NDArray[np.int8],
     actions: NDArray[np.int8],
     stamps: NDArray[np.int8],
@@ -36,10 +58,12 @@ def write_view(
 
     Parameters
     ----------
-    is_mirrored
-        Whether what is east on the board is written as west.
-    codes, actions
-        What each cell's `Code`, counted from HIDDEN, and each `Action` is written as.
+    is_turned
+        Shape (n,): whether what is east on the board is written as west.
+    codes
+        What each cell's `Code`, counted from HIDDEN, is written as.
+    actions
+        Shape (2, actions): what each `Action` is written as; in the second row, where the board is turned.
     stamps
         Shape (2, 2): the codes of an enemy and of an own unit, of walking ones first.
     types, flies
@@ -52,9 +76,11 @@ def write_view(
     side = grid.shape[1]
     n_own, n_enemies = cell.shape[1], enemy_cell.shape[1]
     for game in range(len(grid)):
+        turned = is_turned[game]
+        written = actions[1 if turned else 0]
         for row in range(side):
             for column in range(side):
-                shown = side - 1 - column if is_mirrored else column
+                shown = side - 1 - column if turned else column
                 grid[game, row, shown] = codes[ground[game, row * side + column] - _HIDDEN]
         for enemy in range(n_enemies):
             for trait in range(3):
@@ -64,7 +90,7 @@ def write_view(
             if stand < 0:
                 break
             row, column = stand // side, stand % side
-            if is_mirrored:
+            if turned:
                 column = side - 1 - column
             place = slot
             while place > 0 and enemies[game, place - 1, 0] == row and enemies[game, place - 1, 1] > column:
@@ -76,7 +102,7 @@ def write_view(
             stand, lives = int(cell[game, unit]), alive[game, unit] != 0
             row, column = stand // side, stand % side
             units[game, unit, 0] = row
-            units[game, unit, 1] = side - 1 - column if is_mirrored else column
+            units[game, unit, 1] = side - 1 - column if turned else column
             units[game, unit, 2] = types[unit]
             units[game, unit, 3] = lives
             for action in range(_N_ACTIONS):
@@ -84,7 +110,7 @@ def write_view(
                 may = action == _STAY
                 if not may and lives and is_on_board(there, across, side):
                     may = can_enter(ground[game, there * side + across], flies[types[unit]])
-                legal[game, unit, actions[action]] = may
+                legal[game, unit, written[action]] = may
         for walks in range(2):  # the Table 2 board: a UGV hides a UAV, and an own UAV the enemy's
             for enemy in range(n_enemies):
                 if enemies[game, enemy, 0] >= 0 and flies[enemies[game, enemy, 2]] != walks:
@@ -97,3 +123,8 @@ def write_view(
 def compile_writer(*arguments: Any) -> Callable[..., None]:
     """Return `write_view` compiled for arguments of the types of these."""
     return compile_for(write_view, *arguments)
+
+
+def compile_finder() -> Callable[[NDArray[np.int8], int, int, NDArray[np.bool_]], None]:
+    """Return `find_turned`, compiled."""
+    return compile_for(find_turned, np.zeros((1, 1), np.int8), 0, 0, np.zeros(1, np.bool_))

@@ -49,7 +49,7 @@ class Episodes:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise UnknownNameError("render mode", render_mode, RENDER_MODES)
         self._reward, self._render_mode = reward, render_mode
-        self.views = {team: TeamView(self.ruleset, team, frame) for team in Team}
+        self._views = {team: TeamView(self.ruleset, team, frame) for team in Team}
         self.game = BatchedGame(self.ruleset, 1)
         self.seen = self.game.observe()
         self._secret, self._n_begun = new_secret(), 0
@@ -80,7 +80,12 @@ class Episodes:
 
     def observe(self, team: Team) -> ObservationDict:
         """Return what a team knows."""
-        return {name: values[0] for name, values in self.views[team].read(self.seen[team]).items()}
+        return {name: values[0] for name, values in self._views[team].read(self.seen[team]).items()}
+
+    def to_orders(self, team: Team, actions: NDArray[np.int8]) -> NDArray[np.int8]:
+        """Return a team's actions, shape (units,), as the game takes them: chosen for what was observed last."""
+        orders: NDArray[np.int8] = self._views[team].to_orders(actions[None])[0]
+        return orders
 
     def step(self, orders: Mapping[Team, NDArray[np.int8]]) -> float:
         """Play a tick by orders as the game takes them, and return blue's reward; red's is its negative."""

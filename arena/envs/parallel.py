@@ -160,4 +160,4 @@ class ParallelCapture(ParallelEnv, EzPickle):  # type: ignore[misc]
                 orders[team][unit] = answer
             else:
                 orders[team][unit] = read_orders([answer], (1,), agent)[0]
-        return {team: view.to_orders(orders[team]) for team, view in self._episodes.views.items()}
+        return {team: self._episodes.to_orders(team, own) for team, own in orders.items()}

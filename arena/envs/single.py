@@ -76,7 +76,7 @@ class SingleCapture(gymnasium.Env[Shown, NDArray[Any]], EzPickle):
         own = read_orders(actions, (self._n_units[self._team],), self._team.name.lower())
         theirs = np.zeros((1, self._n_units[self._team.other]), np.int8)
         self._opponent.act(self._episodes.seen[self._team.other], theirs)
-        orders = {self._team: self._episodes.views[self._team].to_orders(own), self._team.other: theirs[0]}
+        orders = {self._team: self._episodes.to_orders(self._team, own), self._team.other: theirs[0]}
         reward = self._episodes.step(orders)
         is_over = self._episodes.ending is not Termination.RUNNING
         if is_over:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.envs.compiled import compile_writer
+from arena.envs.compiled import compile_finder, compile_writer
 from arena.errors import InputError, UnknownNameError
 from arena.game.observation import FIELDS, Observation, Observations
 from arena.game.ruleset import Ruleset, load
@@ -24,7 +24,10 @@ N_SIGHTED = 3
 """Of an enemy in sight: row, column, type; all -1 where there is none."""
 PUBLIC = {name: spec for name, spec in FIELDS.items() if spec.is_public}
 _READ = {name: FIELDS[name].dtype for name in ("ground", "cell", "alive", "enemy_cell", "enemy_type")}
-_CODES, _ACTIONS = np.arange(len(Code), dtype=np.int8) + np.int8(Code.HIDDEN), np.array(Action, np.int8)
+_CODES = np.arange(len(Code), dtype=np.int8) + np.int8(Code.HIDDEN)
+_ACTIONS = np.array([list(Action), [Action.STAY, Action.NORTH, Action.WEST, Action.SOUTH, Action.EAST]], np.int8)
+"""What each action is on the board as it is, and on one that is turned over."""
+_find_turned = compile_finder()
 
 
 class TeamView:
@@ -33,35 +36,36 @@ class TeamView:
     Parameters
     ----------
     frame
-        `board`: as the board is. `own`: as if the team were blue, whichever it is. Its own units, half and flag have blue's
-        codes, and red's east and west change places. So a network that was trained on one side plays the other, too. On which
-        side the own half lies is drawn, for blue as for red.
+        `board`: as the board is. `own`: as if the team were blue and its half the western one, whichever it is and wherever that
+        lies. Its own units, half and flag have blue's codes, and where its half is the eastern one, east and west change places.
+        So a network that was trained on one side plays the other, too, and the enemy is always east. On which side the own half
+        lies is told by most of the cells in sight; a team that sees nothing any more is shown the board as it is.
     """
 
     def __init__(self, ruleset: Ruleset, team: Team, frame: str = "board") -> None:
-        self.ruleset, self.team = ruleset, team
-        self._is_mirrored, self._actions = _is_mirrored(team, frame), as_orders(_ACTIONS, team, frame=frame)
+        self.ruleset, self.team, self._frame = ruleset, team, frame
+        self._is_turned = _find(frame, team, np.full((1, ruleset.side**2), Code.HIDDEN, np.int8), ruleset.side)
         codes = _CODES.copy()
-        if self._is_mirrored:
+        if frame == "own" and team is Team.RED:
             for pair in (HALVES, UGVS, UAVS, FLAGS):
                 codes[np.array(pair) - Code.HIDDEN] = pair[::-1]
         stamps = [[codes[kind[side] - Code.HIDDEN] for kind in (UGVS, UAVS)] for side in (team.other, team)]
         types = [ruleset.units.index(kind) for kind in ruleset.team(team)]
         self._tables = (
-            self._is_mirrored,
             codes,
-            self._actions,
+            _ACTIONS,
             np.array(stamps, np.int8),
             np.array(types, np.int8),
             np.array([kind.flies for kind in ruleset.units], np.uint8),
         )
         blank = Observations.blank(ruleset, team, 1)
-        self._write = compile_writer(*self._tables, *self._inputs(blank), *self._outputs(1).values())
+        self._write = compile_writer(self._is_turned, *self._tables, *self._inputs(blank), *self._outputs(1).values())
 
     def read(self, seen: Observations) -> ObservationDict:
         """Return what the team knows in every match, freshly made, each array with a leading axis of matches."""
         view = self._outputs(len(seen))
-        self._write(*self._tables, *self._inputs(seen), *view.values())
+        self._is_turned = _find(self._frame, self.team, seen.ground, self.ruleset.side)
+        self._write(self._is_turned, *self._tables, *self._inputs(seen), *view.values())
         legal = view.pop("legal_actions")
         for name in PUBLIC:
             view[name] = getattr(seen, name).copy().reshape(len(seen), -1)
@@ -69,8 +73,8 @@ class TeamView:
         return view
 
     def to_orders(self, actions: NDArray[np.int8]) -> NDArray[np.int8]:
-        """Return actions that were chosen by this view as the game takes them."""
-        return self._actions[actions] if self._is_mirrored else actions
+        """Return actions that were chosen by the last view, shape (n, units), as the game takes them."""
+        return _turn(actions, self._is_turned)
 
     def _inputs(self, seen: Observations) -> list[NDArray[Any]]:
         return [np.ascontiguousarray(getattr(seen, name), dtype) for name, dtype in _READ.items()]
@@ -168,22 +172,39 @@ def as_observations(
     return lay_out(_view(ruleset, observations.team, frame).read(observations), layout)
 
 
-def as_orders(actions: Any, team: Team, *, frame: str = "own") -> NDArray[np.int8]:
-    """Return actions that were chosen in a frame as orders, of any shape; under `own`, red's east and west change places."""
-    orders = np.asarray(actions, np.int8)
-    if not _is_mirrored(team, frame):
-        return orders
-    swapped: NDArray[np.int8] = np.where(
-        orders == Action.EAST, Action.WEST, np.where(orders == Action.WEST, Action.EAST, orders)
-    ).astype(np.int8)
-    return swapped
+def as_orders(actions: Any, seen: Observation | Observations, *, frame: str = "own") -> NDArray[np.int8]:
+    """Return actions that were chosen in a frame as orders.
+
+    Parameters
+    ----------
+    actions
+        For an `Observation`, of any shape; for `Observations`, with a leading axis of seats.
+    seen
+        What they were chosen for.
+    """
+    if isinstance(seen, Observation):
+        side = len(seen.ground)
+        return _turn(np.asarray(actions, np.int8), _find(frame, seen.team, seen.ground.reshape(1, -1), side)[0])
+    return _turn(np.asarray(actions, np.int8), _find(frame, seen.team, seen.ground, seen.side))
 
 
-def _is_mirrored(team: Team, frame: str) -> bool:
-    """Whether what is east on the board is west in a team's frame."""
+def _find(frame: str, team: Team, ground: NDArray[np.int8], side: int) -> NDArray[np.bool_]:
+    """Return in which matches what is east on the board is west in a team's frame, shape (n,)."""
     if frame not in FRAMES:
         raise UnknownNameError("frame", frame, FRAMES)
-    return frame == "own" and team is Team.RED
+    is_turned = np.zeros(len(ground), np.bool_)
+    if frame == "own":
+        _find_turned(np.ascontiguousarray(ground, np.int8), side, int(team), is_turned)
+    return is_turned
+
+
+def _turn(actions: NDArray[np.int8], is_turned: NDArray[np.bool_] | np.bool_) -> NDArray[np.int8]:
+    """Return actions with east and west exchanged where the board is turned over."""
+    if not is_turned.any():
+        return actions
+    which = is_turned.reshape(is_turned.shape + (1,) * (actions.ndim - is_turned.ndim)).astype(np.intp)
+    turned: NDArray[np.int8] = _ACTIONS[which, actions]
+    return turned
 
 
 def load_rules(ruleset: Ruleset | str) -> Ruleset:

@@ -122,9 +122,9 @@ class WorkerFactory:
     def acquire(self) -> Worker:
         """Return a process for one more match."""
         if self.is_shared:
-            for worker in self._workers:
-                if worker.failure is None:
-                    return worker
+            self._workers -= {worker for worker in self._workers if worker.failure is not None}
+            if self._workers:
+                return next(iter(self._workers))
         while self._spare:
             worker = self._spare.popleft()
             if worker.failure is None:

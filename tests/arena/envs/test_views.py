@@ -1,6 +1,8 @@
 """What an environment shows is what a bot is shown, and in its own frame a team is always the blue one."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -113,31 +115,96 @@ def test_in_its_own_frame_a_position_looks_the_same_from_either_side_and_orders_
     assert one.agents == other.agents
 
 
-def test_in_the_frame_of_the_board_blue_s_view_is_its_own_and_red_s_is_turned_over() -> None:
-    envs = {frame: parallel_env("paper", "teams", frame=frame) for frame in ("board", "own")}
-    plain, own = (env.reset(seed=4)[0] for env in envs.values())
-
-    assert data_equivalence(plain["blue"], own["blue"], exact=True)
-    assert (plain["red"]["units"][:, 1] + own["red"]["units"][:, 1] == PAPER.side - 1).all()
-    assert (plain["red"]["legal_actions"][:, [0, 1, 4, 3, 2]] == own["red"]["legal_actions"]).all()
-    assert (envs["board"].state() == envs["own"].state()).all(), "the truth is the board's"
-
-
-@pytest.mark.parametrize(("team", "orders"), [(Team.BLUE, [0, 1, 2, 3, 4]), (Team.RED, [0, 1, 4, 3, 2])])
-def test_actions_of_the_own_frame_become_orders(team: Team, orders: list[int]) -> None:
-    assert as_orders(range(5), team).tolist() == orders
-    assert as_orders(range(5), team, frame="board").tolist() == [0, 1, 2, 3, 4]
+def played(team: Team, n_ticks: int = 60) -> Iterator[Observation]:
+    """Yield what a team of wanderers is shown in two matches, in one of which its half is the western one."""
+    env, rng = parallel_env("paper", "teams"), np.random.default_rng(8)
+    for seed in (0, 2):
+        env.reset(seed=seed)
+        for _ in range(n_ticks):
+            yield env._episodes.game.observe()[team].seat(0, PAPER)
+            if not env.agents:
+                break
+            env.step({agent: rng.integers(0, 5, 6) for agent in env.agents})
 
 
-@pytest.mark.parametrize("frame", ["board", "own"])
-def test_in_either_frame_the_own_half_of_either_team_lies_on_either_side(frame: str) -> None:
-    env, found = parallel_env("paper", "teams", frame=frame), set()
+def seen_in_a_mirror(told: Observation) -> Observation:
+    """Return an observation with east for west."""
+    last = PAPER.side - 1
+    return replace(
+        told,
+        ground=told.ground[:, ::-1],
+        units=tuple(replace(unit, column=last - unit.column) for unit in told.units),
+        enemies=tuple(
+            sorted([replace(enemy, column=last - enemy.column) for enemy in told.enemies], key=attrgetter("row", "column"))
+        ),
+    )
+
+
+def lies_west(told: Observation) -> bool:
+    """Whether the own half is the western one, by any cell in sight."""
+    row, column = np.argwhere(np.isin(told.ground, [Code.BLUE_HALF, Code.RED_HALF]))[0].tolist()
+    return told.is_own_half(row, column) == (column < PAPER.side // 2)
+
+
+@pytest.mark.parametrize("team", Team)
+def test_in_its_own_frame_a_team_sees_and_does_the_same_whichever_half_of_the_board_is_its_own(team: Team) -> None:
+    actions, found = np.arange(6) % 5, set[bool]()
+    for told in played(team):
+        other = seen_in_a_mirror(told)
+        found.add(lies_west(told))
+        shown = as_observation(told, frame="own")
+
+        assert data_equivalence(shown, as_observation(other, frame="own"), exact=True)
+        assert not (shown["grid"][:, : PAPER.side // 2] == Code.RED_HALF).any(), "the enemy is always east"
+        assert not (shown["grid"][:, PAPER.side // 2 :] == Code.BLUE_HALF).any()
+        east, west = ([0, 1, 2, 3, 4, 0], [0, 1, 4, 3, 2, 0])
+        assert as_orders(actions, told).tolist() == (east if lies_west(told) else west)
+        assert as_orders(actions, other).tolist() == (west if lies_west(told) else east)
+        assert as_orders(actions[3], told) == as_orders(actions, told)[3]
+        assert as_orders(actions, told, frame="board").tolist() == east
+    assert found == {False, True}
+
+
+def test_in_the_frame_of_the_board_the_own_half_of_either_team_lies_on_either_side() -> None:
+    env, found = parallel_env("paper", "teams"), set()
     for seed in range(8):
         for team, seen in env.reset(seed=seed)[0].items():
-            own = Code.RED_HALF if frame == "board" and team == "red" else Code.BLUE_HALF
+            own = Code[f"{team.upper()}_HALF"]
             found.add((team, bool((seen["grid"][:, : PAPER.side // 2] == own).any())))
+        assert (env.state() == env._episodes.game.truth(0)).all()
 
     assert len(found) == 4
+
+
+def test_who_sees_nothing_is_shown_the_board_as_it_is() -> None:
+    told = next(told for told in played(Team.RED) if not lies_west(told))
+    blind = replace(told, ground=np.full_like(told.ground, Code.HIDDEN), enemies=())
+
+    shown = as_observation(blind, frame="own")["units"]
+
+    assert shown[:, 1].tolist() == [unit.column for unit in told.units]
+    assert as_orders([2], blind).tolist() == [2]
+
+
+@pytest.mark.parametrize("team", ["blue", "red"])
+def test_in_the_own_frame_of_the_vector_form_each_match_is_turned_by_itself(team: str) -> None:
+    envs = {frame: make_vector(8, opponent="patrol", team=team, frame=frame) for frame in ("board", "own")}
+    rng, turned = np.random.default_rng(2), set[int]()
+    for seed in range(3):
+        plain, own = (env.reset(seed=8 * seed)[0] for env in envs.values())
+        for _ in range(12):
+            told = envs["board"]._games.observe()[Team[team.upper()]]
+            east = [not lies_west(told.seat(row, PAPER)) for row in range(8)]
+            turned.add(sum(east))
+            for row in range(8):
+                columns = PAPER.side - 1 - plain["units"][row, :, 1] if east[row] else plain["units"][row, :, 1]
+                assert (own["units"][row, :, 1] == columns).all()
+            chosen = rng.integers(0, 5, (8, 6)).astype(np.int8)
+            orders = np.where(np.array(east)[:, None], np.array([0, 1, 4, 3, 2])[chosen], chosen)
+            assert (as_orders(chosen, told) == orders).all()
+            plain, own = envs["board"].step(orders)[0], envs["own"].step(chosen)[0]
+            assert (plain["tick"] == own["tick"]).all()
+    assert turned - {0, 8}, "in some batch, some were turned and others were not"
 
 
 def test_one_network_plays_both_sides_of_a_single_match_alike() -> None:
@@ -178,7 +245,7 @@ def test_a_layout_of_another_name_is_refused() -> None:
 def test_a_frame_of_another_name_is_refused() -> None:
     told = Observation.from_board("F..f\n.U.u\n....\n....")
     rules: Ruleset = PAPER.with_({"board": "F..f\n.U.u\n....\n...."})
-    for call in (lambda: as_observation(told, rules, frame="mine"), lambda: as_orders([0], Team.RED, frame="mine")):
+    for call in (lambda: as_observation(told, rules, frame="mine"), lambda: as_orders([0], told, frame="mine")):
         with pytest.raises(UnknownNameError, match="unknown frame 'mine'"):
             call()
 

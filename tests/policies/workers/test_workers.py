@@ -217,6 +217,16 @@ def test_a_process_has_ended_though_one_that_it_started_holds_its_pipes(start: S
     assert policy.take_faults(0).first_traceback == "its process ended with exit code 3"
 
 
+def test_a_shared_process_that_has_ended_is_forgotten_with_the_memory_that_it_held(start: Start, board: BatchedGame) -> None:
+    policy = start("import os\ndef act(seen):\n    os._exit(3)\n", is_shared=True)
+    assert act(policy, board) == UNREADABLE
+
+    policy.start(np.arange(1))
+
+    assert len(policy._factory._workers) == 1
+    assert policy._factory.memory_bytes()
+
+
 def test_who_answers_without_being_asked_is_ended_before_its_answers_fill_the_memory(start: Start, board: BatchedGame) -> None:
     policy = start(ANSWERS_WITHOUT_END, **walls())
 
