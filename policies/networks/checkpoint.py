@@ -31,8 +31,14 @@ MOST_BYTES = 12_000_000
 a larger window may take more."""
 MOST_AGENTS = 16
 MOST_WINDOW = 64
+MOST_SIZE = 1024
+"""Of a team's network: channels, blocks, and the rest."""
 KINDS = ("team", "paper")
 _KEY = "arena"
+_TYPES = {
+    "network": str, "shape": dict, "features": int, "ruleset": str, "ruleset_hash": str, "training": dict, "evaluation": dict
+}  # fmt: skip
+_KINDS_OF_NUMBERS = (torch.float16, torch.bfloat16, torch.float32, torch.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,19 +77,23 @@ def build_network(kind: str, shape: Mapping[str, int]) -> nn.Module:
     ValueError
         There is no such kind, or its sizes are others.
     """
-    if kind == "team":
-        try:
-            return TeamNetwork(TeamShape(**shape))
-        except TypeError as error:
-            raise ValueError(f"it names sizes that a team network has not: {', '.join(shape)}") from error
-    if kind == "paper":
-        shape = {"edge": Code.HIDDEN, **shape}  # which checkpoints did not always say
-        is_known = set(shape) == {"window", "agents", "planes", "edge"} and shape["planes"] in (1, len(SIGNED_PLANES), len(Code))
-        is_known = is_known and shape["edge"] in (Code.HIDDEN, Code.OBSTACLE)
-        if not (is_known and 7 <= shape["window"] <= MOST_WINDOW and 1 <= shape["agents"] <= MOST_AGENTS):
-            raise ValueError(f"no network of the paper has the sizes {shape}")
-        return PaperTeam(**shape)
-    raise ValueError(f"its network is {kind!r}; known: {', '.join(KINDS)}")
+    sizes = {"edge": Code.HIDDEN, **shape} if kind == "paper" else dict(shape)  # checkpoints did not always say the edge
+    if kind == "team" and set(sizes) <= set(asdict(TeamShape())):
+        team = TeamShape(**sizes)
+        if all(_is_size(size) for size in asdict(team).values()) and team.patch % 2:
+            return TeamNetwork(team)
+    elif kind == "paper" and set(sizes) == {"window", "agents", "planes", "edge"}:
+        is_known = sizes["planes"] in (1, len(SIGNED_PLANES), len(Code)) and sizes["edge"] in (Code.HIDDEN, Code.OBSTACLE)
+        is_known = is_known and _is_size(sizes["window"], MOST_WINDOW) and _is_size(sizes["agents"], MOST_AGENTS)
+        if is_known and sizes["window"] >= 7:
+            return PaperTeam(**sizes)
+    if kind in KINDS:
+        raise ValueError(f"no network of the kind {kind} has the sizes {sizes!s:.200}")
+    raise ValueError(f"its network is {kind!r:.40}; known: {', '.join(KINDS)}")
+
+
+def _is_size(value: object, most: int = MOST_SIZE) -> bool:
+    return type(value) is int and 1 <= value <= most
 
 
 def shape_of(network: nn.Module) -> tuple[str, dict[str, int]]:
@@ -157,12 +167,14 @@ def read_manifest(path: Path) -> Manifest:
         version = values.pop("format")
         if version == FORMAT:
             manifest = Manifest(**{**values, "play": PlaySettings(**values.get("play", {}))})
+            if any(type(getattr(manifest, name)) is not kind for name, kind in _TYPES.items()):
+                raise TypeError("a fact of it is of another type")
     except PolicyError as error:
         raise PolicyError(f"the checkpoint {path} cannot be played: {error}") from error
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise PolicyError(f"the manifest of the checkpoint {path} cannot be read") from error
     if version != FORMAT:
-        raise PolicyError(f"the checkpoint {path} is of format {version}; this arena reads format {FORMAT}")
+        raise PolicyError(f"the checkpoint {path} is of format {version!s:.40}; this arena reads format {FORMAT}")
     if size > _most_bytes(manifest):
         raise PolicyError(f"the checkpoint {path} has {size:,} bytes; {_most_bytes(manifest):,} is the most")
     return manifest
@@ -191,19 +203,24 @@ def load_checkpoint(path: Path) -> Checkpoint:
             f"{FEATURES_VERSION}"
         )
     try:
-        network = build_network(manifest.network, manifest.shape)
-    except (ValueError, TypeError, KeyError) as error:
+        with torch.device("meta"):  # takes no memory: a file decides how much it is only once it has shown as much
+            wanted = build_network(manifest.network, manifest.shape).state_dict()
+    except ValueError as error:
         raise PolicyError(f"the checkpoint {path} cannot be built: {error}") from error
     with safe_open(path, "pt") as file:
         weights = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no mapping
-    wanted = network.state_dict()
     for name in sorted(wanted.keys() | weights.keys()):
         if name not in weights or name not in wanted:
-            raise PolicyError(f"the checkpoint {path} {'lacks' if name in wanted else 'has an unknown'} tensor {name}")
+            raise PolicyError(f"the checkpoint {path} {'lacks the' if name in wanted else 'has an unknown'} tensor {name!r:.80}")
         if weights[name].shape != wanted[name].shape:
             found, needed = list(weights[name].shape), list(wanted[name].shape)
             raise PolicyError(f"in the checkpoint {path}, {name} has shape {found}; its network wants {needed}")
+        if weights[name].dtype not in _KINDS_OF_NUMBERS:
+            raise PolicyError(
+                f"in the checkpoint {path}, {name} is of {weights[name].dtype}; a network has floating-point numbers"
+            )
         if not torch.isfinite(weights[name]).all():
             raise PolicyError(f"in the checkpoint {path}, {name} holds numbers that are not finite")
+    network = build_network(manifest.network, manifest.shape)
     network.load_state_dict(weights)
     return Checkpoint(manifest=manifest, network=network.eval().requires_grad_(False))

@@ -1,6 +1,7 @@
 """Checkpoints: whole or not there, refused with a sentence where they do not fit, and playable as any fighter."""
 
 import json
+import resource
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -62,6 +63,12 @@ def test_a_checkpoint_comes_back_as_it_was(saved: Path) -> None:
         ({"network": "transformer"}, "'transformer'"),
         ({"shape": {**asdict(SMALL), "channels": 16}}, "its network wants"),
         ({"shape": {"depth": 3}}, "depth"),
+        ({"shape": {**asdict(SMALL), "patch": 4}}, "no network of the kind team has the sizes .*'patch': 4"),
+        ({"shape": {**asdict(SMALL), "channels": -1}}, "has the sizes .*'channels': -1"),
+        ({"shape": {**asdict(SMALL), "blocks": True}}, "has the sizes .*'blocks': True"),
+        ({"shape": {**asdict(SMALL), "hidden": "h" * 10**6}}, "has the sizes .{10,200}$"),
+        ({"shape": None}, "manifest .* cannot be read"),
+        ({"ruleset": ["paper"]}, "manifest .* cannot be read"),
         ({"colour": "red"}, "manifest"),
     ],
 )
@@ -70,6 +77,39 @@ def test_a_file_that_does_not_fit_is_refused_with_the_reason(saved: Path, change
         load_checkpoint(rewritten(saved, **changes))
 
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        {**asdict(SMALL), "channels": checkpoint.MOST_SIZE, "blocks": checkpoint.MOST_SIZE},
+        {**asdict(SMALL), "channels": 10**9},
+        {**asdict(SMALL), "blocks": 10**9},
+    ],
+)
+def test_a_small_file_that_claims_a_large_network_takes_no_memory_for_it(saved: Path, shape: dict[str, int]) -> None:
+    """Its largest would take 77 GB."""
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(PolicyError):
+        load_checkpoint(rewritten(saved, shape=shape))
+
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000, "kB"
+
+
+def test_a_manifest_without_end_is_refused(saved: Path) -> None:
+    save_file(load_file(saved), saved, {"arena": "[" * 10**5})
+
+    with pytest.raises(PolicyError, match=r"manifest .* cannot be read"):
+        load_checkpoint(saved)
+
+
+@pytest.mark.parametrize("kind", [torch.float8_e4m3fn, torch.complex64, torch.int8, torch.bool])
+def test_weights_of_another_kind_are_refused(saved: Path, kind: torch.dtype) -> None:
+    weights, facts = load_file(saved), {"format": checkpoint.FORMAT, **asdict(read_manifest(saved))}
+    save_file({**weights, "trunk.stem.bias": weights["trunk.stem.bias"].to(kind)}, saved, {"arena": json.dumps(facts)})
+
+    with pytest.raises(PolicyError, match=f"trunk.stem.bias is of {kind}; a network has floating-point numbers"):
+        load_checkpoint(saved)
 
 
 def test_what_is_no_checkpoint_is_refused(tmp_path: Path, saved: Path) -> None:
@@ -95,12 +135,12 @@ def test_weights_that_are_not_numbers_are_refused(saved: Path, tmp_path: Path) -
 def test_a_tensor_too_few_or_too_many_is_named(saved: Path) -> None:
     weights, manifest = load_file(saved), read_manifest(saved)
     save_checkpoint(saved, {**weights, "extra": torch.zeros(1)}, manifest)
-    with pytest.raises(PolicyError, match="unknown tensor extra"):
+    with pytest.raises(PolicyError, match="unknown tensor 'extra'"):
         load_checkpoint(saved)
 
     del weights["trunk.stem.bias"]
     save_checkpoint(saved, weights, manifest)
-    with pytest.raises(PolicyError, match=r"lacks tensor trunk\.stem\.bias"):
+    with pytest.raises(PolicyError, match=r"lacks the tensor 'trunk\.stem\.bias'"):
         load_checkpoint(saved)
 
 
@@ -130,7 +170,7 @@ def test_a_checkpoint_of_the_paper_that_does_not_name_its_edge_shows_it_as_hidde
 
     assert isinstance(old, PaperTeam)
     assert old.edge == Code.HIDDEN
-    with pytest.raises(PolicyError, match="no network of the paper"):
+    with pytest.raises(PolicyError, match="no network of the kind paper"):
         load_checkpoint(rewritten(tmp_path / "old.safetensors", shape={"window": 7, "agents": 1, "planes": 1, "edge": 3}))
 
 
