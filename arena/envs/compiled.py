@@ -25,14 +25,15 @@ def find_turned(ground: NDArray[np.int8], side: int, team: int, is_turned: NDArr
     is_turned
         Written: bool, shape (n,); false where nothing is in sight.
     """
+    half, other = side // 2, 1 - team
     for game in range(len(is_turned)):
         east = 0
-        for cell in range(side * side):
-            code, lies_east = ground[game, cell], 2 * (cell % side) >= side
-            if is_home(code, team):
-                east += 1 if lies_east else -1
-            elif is_home(code, 1 - team):
-                east += -1 if lies_east else 1
+        for row in range(side):
+            first = row * side
+            for column in range(half):  # without a branch, so that it runs in vector registers
+                west, code = ground[game, first + column], ground[game, first + half + column]
+                east += int(is_home(code, team)) - int(is_home(code, other))
+                east -= int(is_home(west, team)) - int(is_home(west, other))
         is_turned[game] = east > 0
 
 
