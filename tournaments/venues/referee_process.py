@@ -33,6 +33,8 @@ from tournaments.venues.setting import VenueSetting
 
 MOST_PLANS = 200
 """In a message: it fits a pipe that is empty, and takes the referee less time than a turn."""
+OPEN_WITHIN_S = 600.0
+"""For a referee to open its pit: it compiles its kernels first, if need be, on cores that may be busy."""
 _REFEREE_LOG = "pit.referee.log"  # no label of an entry ends in that
 
 
@@ -107,7 +109,7 @@ class RefereeProcess:
         self._error: ArenaError | None = None
         self._told: deque[Message] = deque()
         """What it has not answered; only the first was sent."""
-        self._is_open = False
+        self._is_open, self._was_open = False, False
 
     def __enter__(self) -> "RefereeProcess":
         return self
@@ -123,7 +125,15 @@ class RefereeProcess:
         self._process.join()
 
     def start(self, known: Addition, dismissed: Collection[str], *, is_finished: bool) -> None:
-        """Start it with all that it would have been told by now, and wait until the pit is open."""
+        """Start it with all that it would have been told by now, and wait until the pit is open.
+
+        Raises
+        ------
+        InputError
+            It cannot do what it was told, as listen where another does; unless it could before.
+        ArenaError
+            It dies, or hangs, again and again.
+        """
         self._told = deque(message for message in self._told if isinstance(message, Withdrawal))
         while True:
             self._pipe, theirs = self._context.Pipe()
@@ -137,13 +147,19 @@ class RefereeProcess:
             self._process.start()
             theirs.close()
             try:
-                error = self._pipe.recv()  # it compiles its kernels first, if need be, and clients would not wait for that
+                if not self._pipe.poll(OPEN_WITHIN_S):
+                    self._process.kill()
+                    self.reap(f"it was not ready within {OPEN_WITHIN_S:g} s")
+                    continue
+                error = self._pipe.recv()
             except (EOFError, OSError):
                 self.reap()
             else:
                 if error is None:
-                    self._is_open = True
+                    self._is_open = self._was_open = True
                     break
+                if isinstance(error, InputError) and not self._was_open:
+                    raise error
                 self.reap(str(error))
         self._send_next()
 

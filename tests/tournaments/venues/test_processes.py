@@ -8,7 +8,8 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from family import PATIENCE_S, LeagueProcess, kill, marked, processes, wait_for_
 from network_settings import make_setting, plan, sessions
 
 import tournaments.venues.processes as tournament_processes
-from arena.errors import ArenaError
+from arena.errors import ArenaError, InputError
 from arena.game.types import Team, Termination
 from arena.match.time_control import TimeControl
 from arena.network.address import Address
@@ -157,26 +158,47 @@ def test_a_client_that_never_sits_down_ends_the_league_in_one_sentence_that_name
     assert "no-such-fighter" in (setting.journals / "two.log").read_text()
 
 
-def test_a_referee_that_dies_again_and_again_ends_the_league_in_one_sentence_that_names_its_log(tmp_path: Path) -> None:
-    setting = make_setting(tmp_path, one="rush", two="patrol")
+@contextmanager
+def signalled_referees(number: signal.Signals) -> Iterator[None]:
+    """Send a signal to every referee that this process starts, at once."""
     is_over = threading.Event()
 
-    def kill_every_referee() -> None:
+    def signal_every_referee() -> None:
         while not is_over.wait(0.05):
             for pid, command in processes():
                 if "spawn_main" in command and Path(f"/proc/{pid}/stat").read_text().split(") ")[-1].split()[1] == str(
                     os.getpid()
                 ):
-                    os.kill(pid, signal.SIGKILL)
+                    os.kill(pid, number)
 
-    killer = threading.Thread(target=kill_every_referee)
-    killer.start()
+    signaller = threading.Thread(target=signal_every_referee)
+    signaller.start()
     try:
-        with pytest.raises(ArenaError, match=rf"the referee died {MOST_DEATHS + 1} times in a row; .*/pit.referee.log says why$"):
-            list(play_network(setting, plan("one", "two")))
+        yield
     finally:
         is_over.set()
-        killer.join()
+        signaller.join()
+
+
+def test_a_referee_that_dies_again_and_again_ends_the_league_in_one_sentence_that_names_its_log(tmp_path: Path) -> None:
+    setting = make_setting(tmp_path, one="rush", two="patrol")
+    sentence = rf"the referee died {MOST_DEATHS + 1} times in a row; .*/pit.referee.log says why$"
+
+    with signalled_referees(signal.SIGKILL), pytest.raises(ArenaError, match=sentence):
+        list(play_network(setting, plan("one", "two")))
+
+
+def test_a_referee_that_hangs_before_its_pit_is_open_counts_as_dead(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, few_deaths: int
+) -> None:
+    monkeypatch.setattr(referee_process, "OPEN_WITHIN_S", 1.0)
+    setting = make_setting(tmp_path, one="rush", two="patrol")
+
+    with (
+        signalled_referees(signal.SIGSTOP),
+        pytest.raises(ArenaError, match=f"the referee died {few_deaths} times in a row: it was not ready within 1 s"),
+    ):
+        list(play_network(setting, plan("one", "two")))
 
 
 def test_a_referee_that_hangs_as_it_ends_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -191,15 +213,14 @@ def test_a_referee_that_hangs_as_it_ends_is_ended(tmp_path: Path, monkeypatch: p
     assert hanging.exitcode == -signal.SIGKILL
 
 
-def test_a_referee_that_cannot_listen_says_so(tmp_path: Path, few_deaths: int) -> None:
+def test_a_referee_that_cannot_listen_says_so_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tournament_processes, "MOST_DEATHS", 0)
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
         setting = replace(make_setting(tmp_path, one="rush", two="patrol"), listen=f"tcp/127.0.0.1:{other.getsockname()[1]}")
 
-        with pytest.raises(
-            ArenaError, match=rf"the referee died {few_deaths} times in a row: cannot listen at tcp/.*: the port is in use"
-        ):
+        with pytest.raises(InputError, match=r"^cannot listen at tcp/.*: the port is in use$"):
             list(play_network(setting, plan("one", "two")))
 
 
@@ -207,7 +228,7 @@ FULL = """
 import resource, sys
 from pathlib import Path
 from network_settings import make_setting, plan
-from arena.errors import ArenaError
+from arena.errors import ArenaError, InputError
 from tournaments.venues.table import find_venue
 def main():
     folder, n_bytes = Path(sys.argv[2]), int(sys.argv[3])
