@@ -11,6 +11,7 @@ from arena.game.ruleset import load
 from arena.jit import cache_root
 from arena.network.address import parse_address
 from arena.network.session import open_client
+from arena.protocol.codec import MOST_LISTED
 from arena.protocol.identity import to_text
 from arena.sandbox.bubblewrap import why_no_limits, why_no_wall
 from clients.lobby import ask_challenge, ask_lobby
@@ -82,9 +83,10 @@ def _check_pit(pit: str, authority: Path | None) -> Finding:
             lobby = ask_lobby(session, address, pit_key)
     except ArenaError as error:
         return f"pit {pit}", False, str(error)
+    n_running, n_waiting = (f"{len(some)}{' or more' * (len(some) == MOST_LISTED)}" for some in (lobby.running, lobby.waiting))
     leader = f", {lobby.standings[0].get('name')} leads its ladder" if lobby.standings else ""
     return (
         f"pit {address}",
         True,
-        f"rules {lobby.rules}, {len(lobby.running)} matches running, {len(lobby.waiting)} waiting{leader}",
+        f"rules {lobby.rules}, {n_running} matches running, {n_waiting} waiting{leader}",
     )

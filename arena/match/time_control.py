@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+MOST_S = 1_000_000
+"""That any clock may give; a wait of more is none that a system knows."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeControl:

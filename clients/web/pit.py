@@ -20,6 +20,7 @@ from arena.game.ruleset import Ruleset, read_rules
 from arena.network.address import Address
 from arena.network.session import Sample, Session, open_client, read_key, read_payload
 from arena.protocol import topics
+from arena.protocol.codec import MOST_LISTED
 from arena.protocol.messages import Lobby
 from clients.lobby import ask_challenge, ask_journal, ask_lobby
 from clients.spectator import MOST_WAITING, Frame, Spectator
@@ -27,7 +28,7 @@ from clients.spectator import MOST_WAITING, Frame, Spectator
 _EVERY_S = 1.0
 """How often the lobby is asked, and a lost pit looked for."""
 _MOST_RESULTS = 20
-_MOST_MATCHES = 1_000
+_MOST_MATCHES = 2_000
 """Of which the names are remembered."""
 _MOST_SENT = 200
 """Messages that wait for a page that does not read; the oldest go."""
@@ -120,7 +121,8 @@ class PitClient:
             self.lobby = await asyncio.to_thread(ask_lobby, self._session, self.address, self._pit_key)
         except ProtocolError as error:
             raise LostPitError(str(error)) from error
-        return any(one["match"] == match for one in self.lobby.running)
+        is_full = len(self.lobby.running) == MOST_LISTED
+        return any(one["match"] == match for one in self.lobby.running) or (is_full and match in self._facts)
 
     @contextmanager
     def watch(self, match: str, key: bytes | None) -> Iterator[Watch]:

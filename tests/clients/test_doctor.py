@@ -5,9 +5,16 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
 
 from arena.jit import cache_root
+from arena.protocol.codec import MOST_LISTED
+from arena.protocol.messages import Lobby
+from clients import doctor
 
 Arena = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -37,3 +44,24 @@ def test_it_says_that_all_are_compiled_and_where(arena: Arena) -> None:
 
     assert finding.startswith("compiled: all ")
     assert finding.endswith(f", in {cache_root()}")
+
+
+@pytest.mark.parametrize(("n_running", "says"), [(3, "3 matches"), (MOST_LISTED, f"{MOST_LISTED} or more matches")])
+def test_it_counts_no_more_matches_than_a_pit_names(monkeypatch: pytest.MonkeyPatch, n_running: int, says: str) -> None:
+    lobby = Lobby(
+        pit="pit",
+        rules="paper",
+        rules_hash="",
+        ruleset={},
+        needs_invite=False,
+        n_begun=n_running,
+        running=[{}] * n_running,
+        waiting=["ann"],
+    )
+    monkeypatch.setattr(doctor, "open_client", lambda *_: nullcontext())
+    monkeypatch.setattr(doctor, "ask_challenge", lambda *_: SimpleNamespace(pit_key=bytes(32)))
+    monkeypatch.setattr(doctor, "ask_lobby", lambda *_: lobby)
+
+    _, is_well, found = doctor.examine("arena://127.0.0.1:1/pit", None)[-1]
+
+    assert (is_well, found) == (True, f"rules paper, {says} running, 1 waiting")

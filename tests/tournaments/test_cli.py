@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -17,6 +18,7 @@ import arena.cli
 import tournaments.cli
 from arena.errors import JournalError
 from arena.game.ruleset import RULESETS, load
+from arena.match.time_control import MOST_S
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 HEAVY = {"torch", "zenoh", "numba", "scipy", "cryptography"}
@@ -102,6 +104,17 @@ def test_a_wrong_word_gets_one_sentence_and_exit_code_2(arena: Run, arguments: l
     assert done.stderr.startswith("arena: ")
     assert sentence in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_no_clock_takes_more_seconds_than_a_system_can_wait() -> None:
+    top: Any = typer.main.get_command(tournaments.cli.app)
+    context = top.make_context("arena", ["--help"], resilient_parsing=True)
+    commands = [top.get_command(context, name) for name in tournaments.cli.COMMANDS]
+    commands += [inner for one in commands for inner in getattr(one, "commands", {}).values()]
+    clocks = [option for one in commands for option in one.params if option.metavar == "SECONDS"]
+
+    assert len(clocks) == 9
+    assert {option.max for option in clocks} == {MOST_S}
 
 
 @pytest.mark.parametrize("arguments", [["--frobnicate"], ["rules", "--frobnicate"], ["rules", "paper", "gym-cap"], []])

@@ -18,6 +18,7 @@ import typer
 from arena.cli import plug_ins
 from arena.console import AsJson, print_json, print_table, say
 from arena.errors import ArenaError, InputError, UnknownNameError
+from arena.match.time_control import MOST_S
 
 Progress = Callable[[str], None]
 """Says in a few words what a benchmark is at."""
@@ -75,7 +76,7 @@ def bench(
     ] = None,
     turn_time: Annotated[
         float | None,
-        typer.Option(min=0.001, metavar="SECONDS", help="Of a turn, of those that count late ones; 0.1 without it."),
+        typer.Option(min=0.001, max=MOST_S, metavar="SECONDS", help="Of a turn, of those that count late ones; 0.1 without it."),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="What those draw by that draw; one that is printed without it.")] = None,
     matches: Annotated[

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from arena.console import AsJson, complete_ruleset, print_json, progress_bar, say
+from arena.match.time_control import MOST_S
 from policies.cli import complete_policy
 
 
@@ -14,8 +15,8 @@ def check(
         str, typer.Argument(metavar="BOT", autocompletion=complete_policy, help="A bot file, its folder, or exec:COMMAND.")
     ],
     rules: Annotated[str, typer.Option(metavar="NAME|FILE.toml", autocompletion=complete_ruleset, help="The ruleset.")] = "paper",
-    turn_time: Annotated[float, typer.Option(min=0.01, metavar="SECONDS", help="For each turn, as in a pit.")] = 1.0,
-    bank: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="Extra time for a whole match.")] = 10.0,
+    turn_time: Annotated[float, typer.Option(min=0.01, max=MOST_S, metavar="SECONDS", help="For each turn, as in a pit.")] = 1.0,
+    bank: Annotated[float, typer.Option(min=0, max=MOST_S, metavar="SECONDS", help="Extra time for a whole match.")] = 10.0,
     as_json: AsJson = False,
 ) -> None:
     """Play a bot under a pit's limits, and tell what would go wrong in a league.

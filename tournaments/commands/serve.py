@@ -8,6 +8,7 @@ import typer
 
 from arena.console import complete_ruleset, say
 from arena.errors import InputError
+from arena.match.time_control import MOST_S
 
 _TURN_S, _HUMAN_TURN_S = 1.0, 30.0
 
@@ -22,12 +23,16 @@ def serve(
     matches: Annotated[int | None, typer.Option(min=1, help="End after so many; without it, go on until told to stop.")] = None,
     seed: Annotated[int | None, typer.Option(help="Makes the matches reproducible, and guessable by anyone.")] = None,
     turn_time: Annotated[
-        float | None, typer.Option(min=0.001, metavar="SECONDS", help="For each turn; 1, or 30 with --humans.")
+        float | None, typer.Option(min=0.001, max=MOST_S, metavar="SECONDS", help="For each turn; 1, or 30 with --humans.")
     ] = None,
     humans: Annotated[bool, typer.Option("--humans", help="People play here: turns last longer.")] = False,
-    bank: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="Extra time of a seat for a whole match.")] = 10.0,
-    grace: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="How long a seat that vanished keeps its place.")] = 10.0,
-    missed: Annotated[int, typer.Option(min=1, help="Turns missed in a row that forfeit a match.")] = 10,
+    bank: Annotated[
+        float, typer.Option(min=0, max=MOST_S, metavar="SECONDS", help="Extra time of a seat for a whole match.")
+    ] = 10.0,
+    grace: Annotated[
+        float, typer.Option(min=0, max=MOST_S, metavar="SECONDS", help="How long a seat that vanished keeps its place.")
+    ] = 10.0,
+    missed: Annotated[int, typer.Option(min=1, max=1_000_000, help="Turns missed in a row that forfeit a match.")] = 10,
     data: Annotated[Path | None, typer.Option(metavar="DIR", help="Where journals live; your data folder without it.")] = None,
     most_matches: Annotated[
         int | None, typer.Option(min=1, max=10_000, metavar="N", help="Matches at once; beyond, clients wait. 2000 without it.")

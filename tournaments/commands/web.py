@@ -93,7 +93,7 @@ def web(
         names=names,
     )
     listening = listen(host, port)
-    shown = (name or names)[0] if host in EVERYWHERE else host
+    shown = (name or names)[0] if host in EVERYWHERE else f"[{host}]" if ":" in host else host
     with listening:
         compile_kernels(game_kernels(load("paper")))  # they are the same for all rulesets
         say(f"web page at http://{shown}:{listening.getsockname()[1]}/{fragment}")

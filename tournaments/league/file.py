@@ -15,7 +15,7 @@ from arena.files import parse_toml, read_text
 from arena.game.keys import KEY_BYTES
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
-from arena.match.time_control import TimeControl
+from arena.match.time_control import MOST_S, TimeControl
 from arena.protocol.topics import is_chunk
 from arena.sandbox.limits import MOST, Limits
 from policies.program import PREFIX as PROGRAM
@@ -103,8 +103,10 @@ class _Reader:
         given = self._given()
         entries = self._entries(given, folder, least=0 if season is not None else 2)
         longest = max(entries, key=len, default="")
-        if season is not None and len(longest) > (most := most_name_letters(self._name)):
-            raise self._error(f"has an entry {longest}; under the season's name, an entry's may have {most} letters")
+        if len(longest) > (most := most_name_letters(self._name)):
+            raise self._error(
+                f"has an entry {longest}; under a league's name as long as this, an entry's may have {most} letters"
+            )
         league = League(
             name=self._name,
             ruleset=self._ruleset(folder),
@@ -155,7 +157,7 @@ class _Reader:
         value = self._values.get(key, default)
         if value is False:
             return 0.0
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1e6:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MOST_S:
             raise self._error(f"says {key} = {_toml(value)}; it must be a number of seconds, and 0 or false is none")
         return float(value)
 

@@ -20,9 +20,9 @@ _LEAST = {"final_pairs": 0}
 _MOST_CHUNK_LETTERS, _MOST_FILE_NAME_BYTES = 64, 255
 
 
-def most_name_letters(season: str) -> int:
-    """Return how long the name of an entry may be: a journal's file is named by two, one of them twice, and the season."""
-    of_one = LeagueMatchId(league=season, one="x.9999", other="x.9999", pair=99_999, blue="x.9999")
+def most_name_letters(league: str) -> int:
+    """Return how long the name of an entry may be: a journal's file is named by two, one of them twice, and the league."""
+    of_one = LeagueMatchId(league=league, one="x.9999", other="x.9999", pair=99_999, blue="x.9999")
     room = _MOST_FILE_NAME_BYTES - len(f"{journal_name(str(of_one))}.99")
     return min(1 + room // 3, _MOST_CHUNK_LETTERS)
 

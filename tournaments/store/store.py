@@ -129,10 +129,11 @@ class Store(Database):
 
     def close(self, league: StoredLeague, secret: bytes) -> StoredLeague:
         """Close a league whose lock is held, for good: its secret may be known from now on, and no pairs are added to it."""
-        facts = _pack_facts(_rename(league.definition, _STORED_NAMES), secret)
+        current = self.get(league.name)
+        facts = _pack_facts(_rename(current.definition, _STORED_NAMES), secret)
         row = update(LEAGUES).where(LEAGUES.c.id == league.id).values(facts=facts)
         self._do("write to", lambda connection: connection.execute(row), league.name)
-        return replace(league, secret=secret)
+        return replace(current, secret=secret)
 
     def find(self, name: str) -> StoredLeague | None:
         """Return a league by its name."""

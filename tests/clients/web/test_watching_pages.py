@@ -12,9 +12,9 @@ from arena.match.match import Match
 from arena.match.time_control import TimeControl
 from arena.network.address import Address
 from arena.protocol import topics
-from arena.protocol.codec import encode
+from arena.protocol.codec import MOST_LISTED, encode
 from arena.protocol.identity import Identity
-from arena.protocol.messages import Challenge, Lobby, Truth
+from arena.protocol.messages import Challenge, Lobby, PublicState, Truth
 from arena.protocol.sealing import truth_sealer
 from arena.records.journal import Header
 from clients.spectator import MOST_CLOSED, SALT_BYTES
@@ -64,14 +64,17 @@ class Connection:
 def connection(monkeypatch: pytest.MonkeyPatch) -> Connection:
     made = Connection()
     challenge = Challenge(pit_key=PIT.public, sealing_key=b"", number=b"", signature=b"")
-    lobby = Lobby(
-        pit="pit", rules=RULES.name, rules_hash=RULES.hash, ruleset=rules_values(RULES), needs_invite=False, n_begun=1,
-        running=[{"match": MATCH, "blue": "ann", "red": "bob", "tick": 0}], waiting=[],
-    )  # fmt: skip
     monkeypatch.setattr(pit_module, "open_client", lambda *_: made)
     monkeypatch.setattr(pit_module, "ask_challenge", lambda *_: challenge)
-    monkeypatch.setattr(pit_module, "ask_lobby", lambda *_: lobby)
+    monkeypatch.setattr(pit_module, "ask_lobby", lambda *_: make_lobby(MATCH))
     return made
+
+
+def make_lobby(*matches: str) -> Lobby:
+    return Lobby(
+        pit="pit", rules=RULES.name, rules_hash=RULES.hash, ruleset=rules_values(RULES), needs_invite=False, n_begun=1,
+        running=[{"match": match, "blue": "ann", "red": "bob", "tick": 0} for match in matches], waiting=[],
+    )  # fmt: skip
 
 
 def truths() -> list[bytes]:
@@ -106,3 +109,24 @@ def test_a_page_with_a_wrong_key_takes_no_board_from_one_with_the_right_key(conn
 
     assert not failures
     assert kinds.count("frame") == N_TRUTHS
+
+
+@pytest.mark.parametrize(("n_others", "runs"), [(MOST_LISTED, True), (MOST_LISTED - 1, False)])
+def test_a_match_that_is_heard_runs_though_the_lobby_has_no_room_to_name_it(
+    connection: Connection, monkeypatch: pytest.MonkeyPatch, n_others: int, *, runs: bool
+) -> None:
+    monkeypatch.setattr(pit_module, "ask_lobby", lambda *_: make_lobby(*(f"other-{number}" for number in range(n_others))))
+    said = PublicState(tick=3, names=["ann", "bob"], living=[6, 6], score=0, commitment=bytes(32))
+
+    async def look() -> tuple[bool, bool]:
+        client = PitClient(Address(pit="pit"), None, lambda _: None)
+        serving = asyncio.create_task(client.run())
+        while topics.all_public("pit") not in connection.heard:
+            await asyncio.sleep(0)
+        connection.heard[topics.all_public("pit")](Sample(topics.public("pit", MATCH), encode(said)))
+        await asyncio.sleep(0.1)
+        found = await client.runs(MATCH), await client.runs("unheard")
+        serving.cancel()
+        return found
+
+    assert asyncio.run(look()) == (runs, False)

@@ -46,6 +46,7 @@ def parse(text: str, folder: Path = Path()) -> League:
         ("seed = -1\n" + TWO, "seed = -1"),
         ('secret = "ab"\n' + TWO, "64 hexadecimal digits"),
         (f'seed = 1\nsecret = "{"ab" * 32}"\n{TWO}', "both a seed and a secret"),
+        (f'name = "{"n" * 64}"\n[entries]\n{"a" * 50} = "rush"\nb = "rush"', "an entry's may have 49 letters"),
         ('venue = "netwrk"\n' + TWO, "did you mean 'network'"),
         ("turn_time_s = true\n" + TWO, "turn_time_s"),
         ("turn_time_s = nan\n" + TWO, "number of seconds"),

@@ -106,6 +106,16 @@ def test_a_league_keeps_its_row_and_the_last_that_was_run_comes_first(store: Sto
     assert [league.name for league in store.leagues()] == ["friday", "monday"]
 
 
+def test_a_league_that_was_edited_meanwhile_is_closed_as_it_is_now(store: Store) -> None:
+    before = store.enter("friday", FACTS, 2)
+    edited = store.enter("friday", {**FACTS, "entries": {**FACTS["entries"], "c": "patrol"}}, 2)
+
+    closed = store.close(before, bytes(32))
+
+    assert "c" in edited.definition["entries"]
+    assert closed == store.get("friday") == replace(edited, secret=bytes(32))
+
+
 def test_processes_that_make_a_store_at_once_make_one_and_store_each_match_once(store_url: str) -> None:
     with ExitStack() as stack:
         processes = [stack.enter_context(start(RACE, store_url)) for _ in range(4)]
