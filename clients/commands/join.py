@@ -9,7 +9,6 @@ import typer
 
 from arena.console import say, say_lines
 from arena.errors import InputError
-from arena.match.time_control import MOST_S
 from clients.commands.connecting import Authority, trust
 from policies.cli import complete_policy
 
@@ -37,9 +36,7 @@ def join(
     matches: Annotated[int, typer.Option(min=1, help="Leave after so many.")] = 1,
     forever: Annotated[bool, typer.Option("--forever", help="Play until the pit has no more matches.")] = False,
     slots: Annotated[int, typer.Option(min=1, max=256, help="Seats to hold at once.")] = 1,
-    patience: Annotated[
-        float, typer.Option(min=0, max=MOST_S, metavar="SECONDS", help="How long to look for a pit that is not there.")
-    ] = 60,
+    patience: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="How long to look for a pit that is not there.")] = 60,
     rules: Annotated[str, typer.Option(help="Refuse to play any ruleset but this.")] = "",
     invite: Annotated[str, typer.Option(metavar="CODE", help="For a pit that wants one.")] = "",
     key: Annotated[Path | None, typer.Option(metavar="FILE", help="The entry's key; that of its name without it.")] = None,

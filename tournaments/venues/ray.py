@@ -46,6 +46,8 @@ _TASKS_PER_CORE = 2
 _SEATS_PER_TASK = 4
 """Where fighters play behind walls: they think side by side, in processes of their own, on the core that a task has."""
 _REACH_S = 5.0
+_NOTICED_S = 10.0
+"""For how long no task ends before the machines are counted."""
 _EXAMINED_S = 60.0
 """For a machine to answer, which may have to start a process for it."""
 _MOST_APART_S = 2.0
@@ -130,7 +132,7 @@ def _work(ruleset: Ruleset, tasks: list[list[MatchPlan]], bundle: Bundle, walls:
         while waiting and len(running) < _TASKS_PER_CORE * _n_cores():
             task = waiting.popleft()
             running[remote.remote(rules, strip(task.plans), sent, RULES_VERSION, behind)] = task
-        [done], _ = ray.wait(list(running))
+        done = _wait_for_one(list(running))
         task = running.pop(done)
         try:
             played = ray.get(done)
@@ -142,6 +144,17 @@ def _work(ruleset: Ruleset, tasks: list[list[MatchPlan]], bundle: Bundle, walls:
         if isinstance(played, Refusal):
             raise (InputError if played.is_input else ArenaError)(played.sentence)
         yield played
+
+
+def _wait_for_one(running: list[Any]) -> Any:
+    """Return one of the tasks that has ended; while no machine is left that could play, say so, and wait for the next."""
+    is_told = False
+    while not (done := ray.wait(running, timeout=_NOTICED_S)[0]):
+        has_cores = "CPU" in ray.cluster_resources()  # type: ignore[no-untyped-call]
+        if not has_cores and not is_told:
+            logger.warning("no machine of the Ray cluster is left to play; the matches go on when one joins it")
+        is_told = not has_cores
+    return done[0]
 
 
 def play_task(

@@ -1,6 +1,8 @@
 """A planner: its orders follow from what its seat was shown, whatever the rules, and never fall below its blueprint's."""
 
+import math
 import os
+import time
 import tracemalloc
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -22,6 +24,7 @@ from policies.heuristics.role_team import RoleTeam
 from policies.heuristics.rush import Rush
 from policies.registry import PLANNERS
 from policies.registry import load as load_policy
+from policies.search.budget import SHARE, make_opening
 from policies.search.climb import BLUEPRINT, Effort
 from policies.search.mind import Mind
 from policies.search.planner import LEAST_BUDGET, MOST_SIDE, Planner
@@ -184,21 +187,36 @@ def test_in_turns_that_are_too_short_it_plays_its_blueprint_and_says_so_once(cap
     assert_plays_its_blueprint(planners, PAPER)
 
 
+def thinks_for_s(make: type[Planner]) -> float:
+    """Return how long a planner thinks about a tick."""
+    planner, taken = make(PAPER, Team.BLUE, 1), []
+    for _ in range(4):
+        planner.start(np.arange(1))
+        began_s = time.monotonic()
+        decide(planner, make_opening(PAPER, Team.BLUE))
+        taken.append(time.monotonic() - began_s)
+    return min(taken)
+
+
 def test_in_short_turns_it_thinks_less_and_says_so_once(caplog: pytest.LogCaptureFixture) -> None:
     class Thorough(Quick):
         name = "thorough"
         budget = 1_000_000
         n_worlds = 512
 
+    class Hasty(Thorough):
+        budget = LEAST_BUDGET
+
+    turn_s = round(math.sqrt(thinks_for_s(Hasty) * thinks_for_s(Thorough)) / SHARE, 3)  # on this machine
     planners = [Thorough(PAPER, Team.BLUE, 1), Thorough(PAPER, Team.BLUE, 1)]
     for planner in planners:
-        planner.set_turn_time(0.5)  # long enough on a busy core
+        planner.set_turn_time(turn_s)
 
     budget = planners[0]._effort.budget
     assert LEAST_BUDGET <= budget < Thorough.budget
     assert planners[1]._effort == planners[0]._effort == Effort.of(budget)
     assert [record.getMessage() for record in caplog.records] == [
-        f"thorough: turns of 0.5 s leave room for {budget:,} of its {Thorough.budget:,} playouts"
+        f"thorough: turns of {turn_s:.3g} s leave room for {budget:,} of its {Thorough.budget:,} playouts"
     ]
 
 

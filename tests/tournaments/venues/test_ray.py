@@ -7,6 +7,7 @@ import re
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -69,13 +70,13 @@ while True:
 
 
 @contextmanager
-def two_nodes(folder: Path) -> Iterator[Cluster]:
-    """Start two nodes of one core each, named by RAY_ADDRESS, with a cache of their own for what is sent to them."""
+def two_nodes(folder: Path, head_cores: int = 1) -> Iterator[Cluster]:
+    """Start two nodes, the second of one core, named by RAY_ADDRESS, with a cache of their own for what is sent to them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("NUMBA_CACHE_DIR", str(cache_root()))
         patch.setenv("XDG_CACHE_HOME", str(folder))
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-        cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+        cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": head_cores, "include_dashboard": False})
         try:
             cluster.add_node(num_cpus=1)
             patch.setenv("RAY_ADDRESS", cluster.address)
@@ -291,6 +292,32 @@ def test_a_node_that_is_killed_loses_nothing_and_strangers_play_behind_walls_whe
     assert together == alone
     assert not any(seat.faults for outcome in received for seat in outcome.seats.values())
     assert journals_in(tmp_path / "ray") == journals_in(tmp_path / "local")
+
+
+@pytest.mark.usefixtures("one_core")
+def test_a_cluster_that_lost_all_its_machines_is_waited_for_and_that_is_said_once(
+    witness: Witness, tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tournaments.venues.ray, "_NOTICED_S", 0.2)
+    entries = {"rush": "rush", "here": witness.bot(tmp_path / "here.py")}
+    plans, said = plans_of(entries, 1), "no machine of the Ray cluster is left to play"
+    witness.shut_gate()
+
+    with two_nodes(tmp_path / "cache", head_cores=0) as cluster, ThreadPoolExecutor(1) as beside:
+        [only] = cluster.worker_nodes
+        playing = beside.submit(lambda: by_identity(play_ray(setting_of(entries, tmp_path), plans)))
+        witness.wait_for(only)
+        cluster.remove_node(only, allow_graceful=False)
+        until_s = time.monotonic() + PATIENCE_S
+        while said not in caplog.text and time.monotonic() < until_s:
+            time.sleep(0.1)
+        time.sleep(1)
+        witness.open_gate()
+        cluster.add_node(num_cpus=1)
+        played = playing.result(2 * PATIENCE_S)
+
+    assert len(played) == len(plans)
+    assert caplog.text.count(said) == 1
 
 
 def test_a_machine_with_other_rules_plays_nothing() -> None:
