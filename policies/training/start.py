@@ -23,8 +23,12 @@ def read_start(path: Path, ruleset: Ruleset, fresh: TeamNetwork) -> TeamNetwork:
     """
     checkpoint = load_checkpoint(path)
     network = _network_of(checkpoint, path, "start from")
-    if network.shape != fresh.shape:
-        raise InputError(f"cannot start from {path}: its network is of {network.shape}; the settings ask for {fresh.shape}")
+    shape = network.shape
+    if shape != fresh.shape:
+        raise InputError(
+            f"cannot start from {path}: its network is of {shape}; the settings ask for {fresh.shape}"
+            f" (try --set channels={shape.channels} --set blocks={shape.blocks})"
+        )
     if checkpoint.manifest.ruleset_hash != ruleset.hash:
         raise InputError(
             f"cannot start from {path}: it was trained on ruleset {checkpoint.manifest.ruleset}, not on {ruleset.name} of today"

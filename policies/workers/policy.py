@@ -10,7 +10,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from threading import Condition
+from threading import TIMEOUT_MAX, Condition
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +80,8 @@ class WorkerFactory:
         if has_wall:
             check_readable(spec, files)
         self._sandbox = Sandbox(has_wall=has_wall, limits=limits, readable=(*files, cache_root()))
-        self._n_spare, self._patience_s = n_spare, patience_s
+        self._n_spare = n_spare
+        self._patience_s = None if patience_s is None else min(patience_s, TIMEOUT_MAX)
         self._log = OutputLog(limits, on_output)
         self._spare: deque[Worker] = deque()
         self._workers: set[Worker] = set()

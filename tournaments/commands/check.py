@@ -16,7 +16,7 @@ def check(
     ],
     rules: Annotated[str, typer.Option(metavar="NAME|FILE.toml", autocompletion=complete_ruleset, help="The ruleset.")] = "paper",
     turn_time: Annotated[float, typer.Option(min=0.01, max=MOST_S, metavar="SECONDS", help="For each turn, as in a pit.")] = 1.0,
-    bank: Annotated[float, typer.Option(min=0, max=MOST_S, metavar="SECONDS", help="Extra time for a whole match.")] = 10.0,
+    bank: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="Extra time for a whole match.")] = 10.0,
     as_json: AsJson = False,
 ) -> None:
     """Play a bot under a pit's limits, and tell what would go wrong in a league.

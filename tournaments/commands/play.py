@@ -52,19 +52,19 @@ def play(
         bool, typer.Option("--sandbox", help="Let bot files, programs and checkpoints see nothing of this machine.")
     ] = False,
     turn_time: Annotated[
-        float | None,
-        typer.Option(min=0.001, max=MOST_S, metavar="SECONDS", help="Run a clock, as a pit does; one match at a time."),
+        float | None, typer.Option(min=0.001, max=MOST_S, metavar="SECONDS", help="Run a pit's clock; one match at a time.")
     ] = None,
     bank: Annotated[
-        float | None,
-        typer.Option(min=0, max=MOST_S, metavar="SECONDS", help="With --turn-time: extra time for a match; 10 without it."),
+        float | None, typer.Option(min=0, metavar="SECONDS", help="With --turn-time: extra time for a match; 10 without it.")
     ] = None,
     until_sure: Annotated[
         bool, typer.Option("--until-sure", help="Play until one is shown to be better, or both to be equal.")
     ] = False,
     margin: Annotated[
         float | None,
-        typer.Option(min=1, max=2e3, metavar="ELO", help="With --until-sure: the difference to be found; 50 without it."),
+        typer.Option(
+            min=1, max=2e3, metavar="ELO", help="With --until-sure: the difference to be found; 50 without it. Less takes longer."
+        ),
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; one per core without it.")] = None,
     is_stepped: Annotated[

@@ -26,9 +26,7 @@ def serve(
         float | None, typer.Option(min=0.001, max=MOST_S, metavar="SECONDS", help="For each turn; 1, or 30 with --humans.")
     ] = None,
     humans: Annotated[bool, typer.Option("--humans", help="People play here: turns last longer.")] = False,
-    bank: Annotated[
-        float, typer.Option(min=0, max=MOST_S, metavar="SECONDS", help="Extra time of a seat for a whole match.")
-    ] = 10.0,
+    bank: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="Extra time of a seat for a whole match.")] = 10.0,
     grace: Annotated[
         float, typer.Option(min=0, max=MOST_S, metavar="SECONDS", help="How long a seat that vanished keeps its place.")
     ] = 10.0,

@@ -9,13 +9,14 @@ from typing import Any
 
 import pytest
 import torch
-from small import FULL, SETTINGS, advantageous, make_learner, make_seats
+from small import FULL, PAPER, SETTINGS, advantageous, make_learner, make_seats
 from torch import nn
 
 from arena.errors import ArenaError, InputError
+from arena.game.ruleset import load
 from arena.game.types import Action
-from policies.networks.checkpoint import load_checkpoint
-from policies.networks.models import TeamNetwork, TeamShape
+from policies.networks.checkpoint import describe, load_checkpoint, save_checkpoint
+from policies.networks.models import PaperTeam, TeamNetwork, TeamShape
 from policies.training import opponents, ppo_run
 from policies.training.budget import Budget
 from policies.training.folder import METRICS, START, RunFolder
@@ -26,7 +27,7 @@ from policies.training.ppo import MOST_NORM, Learner
 from policies.training.ppo_run import PpoRun, schedule
 from policies.training.ppo_settings import PpoSettings
 from policies.training.rollout import Results, collect
-from policies.training.start import read_team_network
+from policies.training.start import read_start, read_team_network
 
 
 def norm_of(network: nn.Module) -> float:
@@ -211,6 +212,20 @@ def test_a_run_may_begin_from_a_network_that_ships_by_its_name(method: str) -> N
 
     assert read_team_network(Path(config.start), "start from").shape == TeamShape()
     assert make_config(method, "other.safetensors", Budget(), **given).start == "other.safetensors"  # type: ignore[arg-type]
+
+
+def test_a_start_that_does_not_fit_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    small, alone = TeamNetwork(TeamShape(channels=8, blocks=1)), PaperTeam()
+    save_checkpoint(tmp_path / "one.safetensors", small.state_dict(), describe(small, PAPER, {}))
+    save_checkpoint(tmp_path / "alone.safetensors", alone.state_dict(), describe(alone, PAPER, {}))
+
+    assert read_start(tmp_path / "one.safetensors", PAPER, small).shape == small.shape
+    with pytest.raises(InputError, match=r"the settings ask for .*channels=48.* \(try --set channels=8 --set blocks=1\)$"):
+        read_start(tmp_path / "one.safetensors", PAPER, TeamNetwork(TeamShape()))
+    with pytest.raises(InputError, match=r"it was trained on ruleset paper, not on exp1 of today$"):
+        read_start(tmp_path / "one.safetensors", load("exp1"), small)
+    with pytest.raises(InputError, match=r"alone\.safetensors: it holds a paper network, and a team network is wanted$"):
+        read_start(tmp_path / "alone.safetensors", PAPER, small)
 
 
 @pytest.mark.parametrize(("start", "hint"), [("chmpion", "did you mean 'champion'"), ("0", "known: a checkpoint's file, ")])

@@ -1,6 +1,7 @@
 """What a check finds of a bot: each fault in a sentence, with its tick, and whether a league would take the bot."""
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -69,6 +70,12 @@ def test_a_good_bot_is_accepted_and_its_figures_are_told(examine: Examine) -> No
     assert report.times.median_ms <= report.times.p99_ms <= report.times.worst_ms
     assert report.size_bytes == len(GOOD)
     assert report.describe()[-1] == "a league would take it"
+
+
+def test_extra_time_without_end_is_a_clock_like_others(examine: Examine) -> None:
+    report = examine(GOOD, time_control=TimeControl(turn_time_s=60.0, bank_s=math.inf))
+
+    assert (report.is_accepted, report.findings) == (True, ())
 
 
 def test_a_fighter_that_ships_has_no_size() -> None:
