@@ -1,8 +1,12 @@
-"""Folders that are made if need be, and where data lives when nobody says."""
+"""Folders that are made if need be, that one process alone writes to, and where data lives when nobody says."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from arena.errors import InputError
+
+_LOCK = ".lock"
 
 
 def make_folder(folder: Path, refusal: str, mode: int = 0o777) -> None:
@@ -13,6 +17,30 @@ def make_folder(folder: Path, refusal: str, mode: int = 0o777) -> None:
         raise InputError(f"{refusal}: it is no folder") from error
     except OSError as error:
         raise InputError(f"{refusal}: {error.strerror}") from error
+
+
+@contextmanager
+def hold_folder(folder: Path, doing: str) -> Iterator[None]:
+    """Be the only process that does something in a folder, until `with` ends or the process dies.
+
+    Raises
+    ------
+    InputError
+        Another process does it, or nothing can be written there.
+    """
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(folder / _LOCK, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise InputError(f"another process is {doing} in {folder}; wait until it has ended, or choose another folder") from error
+    except OSError as error:
+        raise InputError(f"cannot write to {folder}: {error.strerror}") from error
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def data_folder(chosen: Path | None, mode: int = 0o777) -> Path:

@@ -5,7 +5,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -129,10 +129,15 @@ def _train(config: "RunConfig", out: Path, processes: "Processes", device: str) 
 
     folder = RunFolder(out)
     stops = _stop_on_signals()
-    with _reporting(str(out), processes.is_first) as report:
+    with ExitStack() as held:
+        report = held.enter_context(_reporting(str(out), processes.is_first))
+        is_new = not (out / SETTINGS).exists()
+        if processes.is_first and not is_new:
+            held.enter_context(folder.hold())
         run = make_run(config, folder, processes, report, device)
-        if processes.is_first and not (out / SETTINGS).exists():  # only now: what cannot run leaves nothing behind
+        if processes.is_first and is_new:  # only now: what cannot run leaves nothing behind
             folder.create(config.to_dict())
+            held.enter_context(folder.hold())
         is_done = run.train(lambda: bool(stops))
     if processes.is_first:
         say(f"trained: {out / LAST}")

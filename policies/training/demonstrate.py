@@ -212,9 +212,17 @@ def demonstrate(
     Raises
     ------
     ArenaError
-        A process has failed, or the folder was deleted meanwhile.
+        A process has failed, another command does the same there, or the folder was deleted meanwhile.
     """
     folder.open_for(asdict(settings), check(settings))
+    with folder.hold():
+        return _add_matches(folder, settings, n_matches, n_processes, report, should_stop)
+
+
+def _add_matches(
+    folder: DemonstrationFolder, settings: DemonstrationSettings, n_matches: int, n_processes: int, report: ReportProgress,
+    should_stop: Callable[[], bool],
+) -> bool:  # fmt: skip
     sitting = sum(file.matches for file in folder.files())
     left = max(n_matches - sitting, 0)
     parts = [left * (process + 1) // n_processes - left * process // n_processes for process in range(n_processes)]

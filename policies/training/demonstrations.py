@@ -9,6 +9,7 @@ import json
 import re
 import zipfile
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.errors import ArenaError, InputError
-from arena.folders import make_folder
+from arena.folders import hold_folder, make_folder
 from arena.game.ruleset import Ruleset, load
 from policies.networks.checkpoint import write_whole
 from policies.networks.features import FEATURES_VERSION, UPSIDE_DOWN
+from policies.training.settings import read_kept
 
 FORMAT = 2
 """Rises whenever a folder of the old kind can no longer be read."""
@@ -96,6 +98,10 @@ class DemonstrationFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
 
+    def hold(self) -> AbstractContextManager[None]:
+        """Let no other process make demonstrations in the folder; `InputError` if one does."""
+        return hold_folder(self.path, "making demonstrations")
+
     def open_for(self, settings: Mapping[str, Any], ruleset: Ruleset) -> None:
         """Make the folder for settings, or go on with one that was made for the same.
 
@@ -108,7 +114,7 @@ class DemonstrationFolder:
         if (self.path / _MANIFEST).exists():
             old = self.read_manifest()
             if old != manifest:
-                changed = [name for name, value in settings.items() if old.get("settings", {}).get(name) != value]
+                changed = [name for name, value in settings.items() if old["settings"].get(name) != value]
                 what = f"with another value of {', '.join(changed)}" if changed else "by another version, or other rules"
                 raise InputError(f"the demonstrations in {self.path} were made {what}; choose another --out")
             return
@@ -121,15 +127,10 @@ class DemonstrationFolder:
         Raises
         ------
         InputError
-            It holds no demonstrations.
+            It holds no demonstrations, or the file that says what they are of is damaged.
         """
-        try:
-            manifest: dict[str, Any] = json.loads((self.path / _MANIFEST).read_text(encoding="utf-8"))
-        except FileNotFoundError as error:
-            raise InputError(f"there are no demonstrations in {self.path}; `arena train demonstrate` makes some") from error
-        except (OSError, ValueError) as error:
-            raise InputError(f"cannot read {self.path / _MANIFEST}: {error}") from error
-        return manifest
+        missing = f"there are no demonstrations in {self.path}; `arena train demonstrate` makes some"
+        return read_kept(self.path / _MANIFEST, missing)
 
     def check(self) -> Ruleset:
         """Return the ruleset that the folder is of.
@@ -140,7 +141,7 @@ class DemonstrationFolder:
             It is of another version, or the rules have changed.
         """
         manifest = self.read_manifest()
-        ruleset = load(str(manifest.get("settings", {}).get("rules", manifest.get("ruleset"))))
+        ruleset = load(str(manifest["settings"].get("rules", manifest.get("ruleset"))))
         for name, value in _versions(ruleset).items():
             if manifest.get(name) != value:
                 found = manifest.get(name)

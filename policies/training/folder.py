@@ -11,14 +11,16 @@ import csv
 import io
 import json
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from arena.errors import ArenaError, InputError
-from arena.folders import make_folder
+from arena.folders import hold_folder, make_folder
 from policies.networks.checkpoint import write_whole
+from policies.training.settings import read_kept
 
 SETTINGS, METRICS, START, LAST, STATE = "settings.json", "metrics.csv", "start.safetensors", "last.safetensors", "state.pt"
 STEP = "step"
@@ -54,21 +56,19 @@ class RunFolder:
         make_folder(self.path, f"cannot make the folder {self.path}")
         write_whole(self.path / SETTINGS, json.dumps(config, indent=2).encode() + b"\n")
 
+    def hold(self) -> AbstractContextManager[None]:
+        """Let no other process train in the folder; `InputError` if one does."""
+        return hold_folder(self.path, "training")
+
     def read_settings(self) -> dict[str, Any]:
         """Return the run's configuration.
 
         Raises
         ------
         InputError
-            There is no run in the folder.
+            There is no run in the folder, or its file is damaged.
         """
-        try:
-            config: dict[str, Any] = json.loads((self.path / SETTINGS).read_text(encoding="utf-8"))
-        except FileNotFoundError as error:
-            raise InputError(f"there is no run in {self.path}; start one without --resume") from error
-        except (OSError, ValueError) as error:
-            raise InputError(f"cannot read {self.path / SETTINGS}: {error}") from error
-        return config
+        return read_kept(self.path / SETTINGS, f"there is no run in {self.path}; start one without --resume")
 
     def save_state(self, state: Mapping[str, Any]) -> None:
         """Keep what `--resume` needs, all of it or nothing."""

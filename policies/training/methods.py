@@ -66,15 +66,18 @@ def checked(method: str, budget: Budget) -> Budget:
 
 
 def read_config(values: dict[str, Any]) -> RunConfig:
-    """Return the config that a run's folder keeps."""
+    """Return the config that a run's folder keeps; `InputError` if it is not as it was written."""
     method = values.get("method", PPO)
-    given, budget = values["settings"], Budget(**values["budget"])
     settings: PpoSettings | ReinforceSettings | DistilSettings
-    if method == REINFORCE:
-        settings = reinforce_settings.from_dict(given)
-    else:
-        settings = distil_settings.from_dict(given) if method == DISTIL else ppo_settings.from_dict(given)
-    return RunConfig(method=method, start=values["start"], budget=budget, settings=settings)
+    try:
+        given, budget = values["settings"], Budget(**values["budget"])
+        if method == REINFORCE:
+            settings = reinforce_settings.from_dict(given)
+        else:
+            settings = distil_settings.from_dict(given) if method == DISTIL else ppo_settings.from_dict(given)
+        return RunConfig(method=method, start=values["start"], budget=budget, settings=settings)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"the settings of this run are not as they were written ({error}); begin another") from error
 
 
 def make_config(

@@ -1,11 +1,32 @@
 """Settings of any method: read from what a user wrote or a run's folder holds."""
 
+import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
 from arena.errors import InputError, UnknownNameError
 
 Kind = TypeVar("Kind")
+
+
+def read_kept(path: Path, missing: str) -> dict[str, Any]:
+    """Return what a folder of training says of itself: an object of JSON, whose `settings` are one, too.
+
+    Raises
+    ------
+    InputError
+        There is no file, which `missing` says, or something else is in it.
+    """
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(missing) from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {path}: {error}") from error
+    if not isinstance(kept, dict) or not isinstance(kept.get("settings"), dict):
+        raise InputError(f"cannot read {path}: it is not as it was written; choose another folder")
+    return kept
 
 
 def read_values(kind: type[Kind], values: Mapping[str, Any]) -> Kind:

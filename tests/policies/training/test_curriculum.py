@@ -13,7 +13,7 @@ from policies.networks.checkpoint import Manifest, load_checkpoint, save_checkpo
 from policies.networks.features import FEATURES_VERSION
 from policies.networks.models import PaperTeam
 from policies.training.curriculum import PROGRESS, check_start, has_ended, stages_of, start_of
-from policies.training.folder import LAST, SETTINGS
+from policies.training.folder import LAST, SETTINGS, STATE, RunFolder
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 Train = Callable[..., None]
@@ -82,9 +82,14 @@ def test_the_command_trains_all_four_stages_and_goes_on(train: Train, tmp_path: 
         assert manifest.ruleset == rules
         assert manifest.training["start"] == (str(out / before / LAST) if before else "")
 
-    for name in ("state.pt", LAST, SETTINGS):
+    again = ("--method", "reinforce", "--curriculum", "paper", "--resume", "--out", out)
+    for name in (STATE, LAST):
         (out / "exp4" / name).unlink()
-    train("--method", "reinforce", "--curriculum", "paper", "--resume", "--out", out)
+    with RunFolder(out / "exp4").hold(), pytest.raises(SystemExit):
+        train(*again)
+    assert capsys.readouterr().err.startswith("arena: another process is training in ")
+    (out / "exp4" / SETTINGS).unlink()
+    train(*again)
     assert capsys.readouterr().out.count("trained:") == 1
     assert load_checkpoint(out / "exp4" / LAST).manifest.training["settings"]["batch"] == 20
 

@@ -123,6 +123,11 @@ def test_processes_of_their_own_make_demonstrations_until_they_are_stopped_and_t
     assert folder.files() == kept
     with pytest.raises(InputError, match=r"another value of seed; choose another --out"):
         demonstrate(folder, replace(settings, seed=2), 4, 1, lambda *_: None, lambda: False)
+    with folder.hold(), pytest.raises(InputError, match=r"^another process is making demonstrations in "):
+        make(1_000_000, lambda: True)
+    (folder.path / "demonstrations.json").write_text("[]")
+    with pytest.raises(InputError, match=r"demonstrations\.json: it is not as it was written"):
+        folder.check()
 
 
 def test_a_folder_that_is_deleted_meanwhile_is_one_sentence_and_ends_the_processes(

@@ -24,7 +24,9 @@ from policies.training.allocator import KEEP
 from policies.training.budget import Budget
 from policies.training.clone import Teacher, collect_lesson, learn_lesson
 from policies.training.folder import LAST, METRICS, START, STATE, RunFolder
+from policies.training.folder import SETTINGS as SETTINGS_FILE
 from policies.training.gradients import TrainingError
+from policies.training.methods import read_config
 from policies.training.opponents import Opponents, Pool, assign
 from policies.training.parallel import Processes
 from policies.training.ppo import estimate
@@ -276,12 +278,30 @@ def test_a_damaged_state_and_a_taken_folder_are_refused(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path)
     with pytest.raises(InputError, match="no run in"):
         folder.read_settings()
-    folder.create({"a": 1})
+    folder.create({"settings": {}})
     with pytest.raises(InputError, match="--resume"):
         folder.create({})
+    with (
+        folder.hold(),
+        pytest.raises(InputError, match=r"^another process is training in .*; wait until it has ended"),
+        folder.hold(),
+    ):
+        pass
+    with folder.hold():
+        pass  # whoever held it has let it go
     (tmp_path / STATE).write_bytes(b"rubbish")
     with pytest.raises(InputError, match="damaged"):
         folder.load_state()
+
+
+@pytest.mark.parametrize(
+    "kept", ["[]", "3", "{}", '{"settings": []}', '{"settings": {}}', '{"settings": {"opponents": 3}, "start": "", "budget": {}}']
+)
+def test_settings_that_are_not_as_they_were_written_are_one_sentence(tmp_path: Path, kept: str) -> None:
+    (tmp_path / SETTINGS_FILE).write_text(kept)
+
+    with pytest.raises(InputError, match=r"not as (it was|they were) written"):
+        read_config(RunFolder(tmp_path).read_settings())
 
 
 def test_a_start_of_another_ruleset_or_shape_is_refused(tmp_path: Path) -> None:
