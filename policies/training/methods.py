@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from arena.errors import InputError, UnknownNameError
+from policies.networks.checkpoint import read_manifest
 from policies.registry import CHECKPOINT, load, shipped
 from policies.training import distil_settings, ppo_settings, reinforce_settings
 from policies.training.budget import Budget
@@ -117,6 +118,8 @@ def make_config(
     if start and not (start in known or start.startswith("clone:") or start.endswith(CHECKPOINT) or Path(start).exists()):
         raise UnknownNameError("start", start, ["a checkpoint's file", "clone:SCRIPT", *known])
     start = str(known.get(start, start))
+    if method != REINFORCE:
+        assignments = [*_shape_of(Path(start)), *assignments]
     if method == DISTIL:
         taught = DistilSettings(rules=rules or "paper", seed=seed, data=list(data)).with_(assignments)
         return RunConfig(method=method, start=start, budget=checked(method, budget), settings=taught)
@@ -132,6 +135,14 @@ def make_config(
         load(against)  # a name that nobody has is refused before anything is made
         usual = replace(usual, opponents={against: 1.0})
     return RunConfig(method=method, start=start, budget=Budget(samples=DEFAULT_SAMPLES), settings=usual).with_budget(budget)
+
+
+def _shape_of(start: Path) -> list[str]:
+    """Return the settings by which a run has the shape of the checkpoint that it begins from, if it does from one of a team."""
+    if not start.is_file():
+        return []
+    shape = read_manifest(start).shape
+    return [f"{name}={shape[name]}" for name in ("channels", "blocks") if name in shape]
 
 
 def make_run(config: RunConfig, folder: RunFolder, processes: Processes, report: ReportProgress, device: str) -> Trainable:

@@ -25,6 +25,7 @@ from policies.training.parallel import Processes
 from policies.training.ppo import MOST_NORM, Learner
 from policies.training.ppo_run import PpoRun, schedule
 from policies.training.ppo_settings import PpoSettings
+from policies.training.reinforce_settings import ReinforceSettings
 from policies.training.rollout import Results, collect
 from policies.training.start import read_start, read_team_network
 
@@ -211,6 +212,22 @@ def test_a_run_may_begin_from_a_network_that_ships_by_its_name(method: str) -> N
 
     assert read_team_network(Path(config.start), "start from").shape == TeamShape()
     assert make_config(method, "other.safetensors", Budget(), **given).start == "other.safetensors"  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("method", ["ppo", "distil"])
+def test_a_run_has_the_shape_of_the_network_that_it_begins_from(tmp_path: Path, method: str) -> None:
+    small = TeamNetwork(TeamShape(channels=8, blocks=1))
+    file = tmp_path / "one.safetensors"
+    save_checkpoint(file, small.state_dict(), describe(small, PAPER, {}))
+
+    def shape_of(*assignments: str) -> tuple[int, int]:
+        data = ["seen"] if method == "distil" else []
+        settings = make_config(method, str(file), Budget(), rules=None, seed=1, assignments=assignments, data=data).settings
+        assert not isinstance(settings, ReinforceSettings)
+        return settings.channels, settings.blocks
+
+    assert shape_of() == (8, 1)
+    assert shape_of("channels=16") == (16, 1)  # which is refused once it is read
 
 
 def test_a_start_of_another_shape_or_kind_is_refused_with_the_way_out(tmp_path: Path) -> None:
