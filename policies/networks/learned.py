@@ -1,6 +1,7 @@
 """A trained network in a seat: loads a checkpoint, and plays as many seats at once as it is given."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -126,13 +127,17 @@ class LearnedTeam(BatchPolicy):
 
 
 def infer(network: TeamNetwork, encoded: Encoded, n_walkers: int) -> NDArray[np.float32]:
-    """Return logits, float32, shape (n, units, actions), computed in chunks, on the network's own device."""
+    """Return logits, float32, shape (n, units, actions), computed on the network's own device."""
+    arrays = (encoded.planes, encoded.scalars, encoded.cell, encoded.legal)
+    return np.asarray(infer_from(network, [torch.from_numpy(array) for array in arrays], n_walkers).cpu().numpy())
+
+
+def infer_from(network: TeamNetwork, seen: Sequence[Tensor], n_walkers: int) -> Tensor:
+    """Return logits as `infer` does, in chunks, where the network computes, of what `TeamNetwork.forward` takes."""
     device = device_of(network)
-    arrays = [torch.from_numpy(array) for array in (encoded.planes, encoded.scalars, encoded.cell, encoded.legal)]
     with torch.inference_mode():
-        chunks = zip(*(torch.split(array.to(device), chunk_on(device)) for array in arrays), strict=True)
-        logits = [network(*chunk, n_walkers) for chunk in chunks]
-        return np.asarray(torch.cat(logits).cpu().numpy())
+        chunks = zip(*(torch.split(one.to(device), chunk_on(device)) for one in seen), strict=True)
+        return torch.cat([network(*chunk, n_walkers) for chunk in chunks])
 
 
 class LearnedUnits(BatchPolicy):

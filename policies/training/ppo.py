@@ -14,8 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from policies.networks.features import Encoded
-from policies.networks.learned import chunk_on, infer
+from policies.networks.learned import chunk_on, infer_from
 from policies.networks.models import Critic, TeamNetwork, channels_last
 from policies.networks.precision import autocast, precision_of, to_act_in
 from policies.training.gradients import bound_gradients
@@ -129,9 +128,9 @@ class Learner:
             rows = []
             for tick in range(n_ticks + 1):
                 planes, scalars = experience.last if tick == n_ticks else (experience.planes[tick], experience.scalars[tick])
-                parts = [one.to(self.device) for one in (planes, experience.truth[tick], scalars)]
+                parts = (planes, experience.truth[tick], scalars)
                 chunks = zip(*(torch.split(one, self.chunk) for one in parts), strict=True)
-                rows.append(torch.cat([self.critic(*chunk) for chunk in chunks]).cpu())
+                rows.append(torch.cat([self.critic(*chunk) for chunk in chunks]))
             return torch.stack(rows).clone() * self.scale.spread + self.scale.centre
 
     def learn(self, experience: Experience, n_walkers: int, schedule: Schedule, generator: torch.Generator) -> dict[str, float]:
@@ -142,7 +141,7 @@ class Learner:
         TrainingError
             A loss or a gradient is not finite; no step was taken with it.
         """
-        settings = self.settings
+        settings, experience = self.settings, experience.on(self.device)
         advantages, returns = (one.clone() for one in estimate(experience, self.values(experience), schedule, settings))
         mean, square = self.processes.mean(torch.stack([returns.mean(), returns.square().mean()])).tolist()
         explained = 1 - float((advantages.var() / returns.var().clamp_min(1e-6)).clamp_max(2))
@@ -157,7 +156,6 @@ class Learner:
         has_teacher = self.teacher is not None and schedule.teacher_kl > 0 and not schedule.is_critic_only
         if has_teacher:
             flat.append(self._ask_teacher(experience, n_walkers))
-        flat = [one.to(self.device) for one in flat]
         for group in self.optimiser.param_groups:
             group["lr"] = schedule.rate
         sums: dict[str, float] = {}
@@ -179,9 +177,8 @@ class Learner:
     def _ask_teacher(self, experience: Experience, n_walkers: int) -> Tensor:
         """Return the teacher's log-probabilities, float32, shape (t * s, units, actions)."""
         assert self.teacher is not None
-        seen = (experience.planes, experience.scalars, experience.cell, experience.alive, experience.legal)
-        logits = infer(self.teacher, Encoded(*(one.flatten(0, 1).numpy() for one in seen)), n_walkers)
-        return torch.from_numpy(logits).log_softmax(-1)
+        seen = [one.flatten(0, 1) for one in (experience.planes, experience.scalars, experience.cell, experience.legal)]
+        return infer_from(self.teacher, seen, n_walkers).log_softmax(-1)
 
     def minibatches(self, n: int, size: int, generator: torch.Generator) -> Iterator[Tensor]:
         """Yield rows in parts, as many as the settings say: every process must take as many steps as the others."""

@@ -100,7 +100,8 @@ class PpoRun(TrainingRun[PpoSettings]):
         network = TeamNetwork(TeamShape(channels=settings.channels, blocks=settings.blocks))
         if start and not start.startswith(CLONE):
             network = read_start(Path(start), self.ruleset, network)
-        self.learner = Learner(network, Critic(), settings, processes, device)
+        critic = Critic(settings.critic_channels, settings.critic_blocks)
+        self.learner = Learner(network, critic, settings, processes, device)
         self.pool = Pool(network.state_dict(), gate_matches=settings.gate_matches, gate_score=settings.gate_score)
         self.actors: dict[str, Actors] = {}
         """The learner's seats under each ruleset, while it trains."""
@@ -112,7 +113,8 @@ class PpoRun(TrainingRun[PpoSettings]):
     def train(self, should_stop: Callable[[], bool]) -> bool:
         """Go on until the budget is used up, or `should_stop` says so; then save. Return whether the budget is used up."""
         self.counts.sittings += 1
-        self.actors = {name: Actors(list(self._seat(ruleset))) for name, ruleset in self._rulesets.items()}
+        is_pinned = self.learner.device.type == "cuda"
+        self.actors = {name: Actors(list(self._seat(rules)), is_pinned=is_pinned) for name, rules in self._rulesets.items()}
         self._generator = torch.Generator().manual_seed(self.settings.seed + self.processes.rank + 977 * self.counts.sittings)
         self._rng = np.random.default_rng([self.settings.seed, self.processes.rank, self.counts.sittings])
         self._record = Record(self.folder, self.processes, self._report)

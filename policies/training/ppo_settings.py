@@ -20,6 +20,9 @@ class PpoSettings:
     """Share of the lessons and rollouts that are of each of some other rulesets; the rest are of `rules`."""
     channels: int = 48
     blocks: int = 3
+    critic_channels: int = 32
+    """Of the critic's trunk, which costs as much for a sample as the network's own if it is as large."""
+    critic_blocks: int = 2
     games: int = 192
     """Rows played at once, over all processes."""
     actors: int = 0
@@ -89,6 +92,8 @@ class PpoSettings:
             "minibatch": 1,
             "epochs": 1,
             "channels": 1,
+            "critic_channels": 1,
+            "critic_blocks": 0,
             "gate_matches": 1,
             "clone_samples": 1,
         }

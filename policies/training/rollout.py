@@ -56,6 +56,16 @@ class Experience:
     last: tuple[Tensor, Tensor]
     """Planes and scalars after the last tick, for the value of what is to come."""
 
+    def on(self, device: torch.device) -> "Experience":
+        """Return the rollout on a device; where it is there already, itself."""
+        moved = {name: getattr(self, name).to(device, non_blocking=True) for name in _STACKED}
+        planes, scalars = self.last
+        return Experience(**moved, last=(planes.to(device), scalars.to(device)))
+
+
+_STACKED = tuple(one.name for one in fields(Experience) if one.name != "last")
+"""Fields whose second axis is that of the seats."""
+
 
 @dataclass(slots=True)
 class Results:
@@ -168,24 +178,40 @@ class LearnerSeats:
         )
 
 
-def join(parts: Sequence[Experience]) -> Experience:
-    """Return the rollouts of several groups of seats as one."""
-    if len(parts) == 1:
+def join(parts: Sequence[Experience], *, is_pinned: bool = False) -> Experience:
+    """Return the rollouts of several groups of seats as one.
+
+    Parameters
+    ----------
+    is_pinned
+        Whether it is to lie in memory that a GPU reads by itself, which a system without one does not have.
+    """
+    if len(parts) == 1 and not is_pinned:
         return parts[0]
-    names = [one.name for one in fields(Experience) if one.name != "last"]
-    joined = {name: torch.cat([getattr(part, name) for part in parts], 1) for name in names}
+    joined = {name: _side_by_side([getattr(part, name) for part in parts], is_pinned) for name in _STACKED}
     planes, scalars = zip(*(part.last for part in parts), strict=True)
     return Experience(**joined, last=(torch.cat(planes), torch.cat(scalars)))
+
+
+def _side_by_side(parts: Sequence[Tensor], is_pinned: bool) -> Tensor:
+    n_ticks, n_seats = len(parts[0]), sum(part.shape[1] for part in parts)
+    whole = torch.empty((n_ticks, n_seats, *parts[0].shape[2:]), dtype=parts[0].dtype, pin_memory=is_pinned)
+    return torch.cat(list(parts), 1, out=whole)
 
 
 class Actors:
     """The learner's seats in groups of rows. Each group has a thread, so that cores play while others wait for the network.
 
     The kernels of the game and of the scripts run without the interpreter's lock, and so does the network.
+
+    Parameters
+    ----------
+    is_pinned
+        Whether rollouts are for a GPU, see `join`.
     """
 
-    def __init__(self, groups: Sequence[LearnerSeats]) -> None:
-        self.groups = list(groups)
+    def __init__(self, groups: Sequence[LearnerSeats], *, is_pinned: bool = False) -> None:
+        self.groups, self._is_pinned = list(groups), is_pinned
         self._pool = ThreadPoolExecutor(len(self.groups), thread_name_prefix="actor") if len(self.groups) > 1 else None
 
     @property
@@ -200,10 +226,10 @@ class Actors:
     def collect(self, network: TeamNetwork, n_ticks: int, results: Results) -> Experience:
         """Play `n_ticks` in every row of every group."""
         apart = [Results() for _ in self.groups]
-        experience = join(self.in_each(lambda group: collect(self.groups[group], network, n_ticks, apart[group])))
+        parts = self.in_each(lambda group: collect(self.groups[group], network, n_ticks, apart[group]))
         for one in apart:
             results.add(one)
-        return experience
+        return join(parts, is_pinned=self._is_pinned)
 
     def use(self, name: str, weights: Mapping[str, Tensor], network: TeamNetwork) -> None:
         """Let `best` or `past` play with other weights."""

@@ -118,6 +118,17 @@ def test_who_starts_from_nothing_has_no_teacher(tmp_path: Path) -> None:
         PpoRun(RunFolder(tmp_path), replace(SETTINGS, teacher_kl=0.1), "", Budget(samples=1), Processes(), lambda *_: None)
 
 
+def test_a_run_has_a_critic_of_the_size_that_its_settings_say(tmp_path: Path) -> None:
+    settings = replace(SETTINGS, critic_channels=4, critic_blocks=0)
+
+    run = PpoRun(RunFolder(tmp_path), settings, "", Budget(samples=1), Processes(), lambda *_: None)
+
+    trunk = run.learner.critic.trunk
+    assert (trunk.stem.out_channels, len(trunk.blocks)) == (4, 0)
+    with pytest.raises(InputError, match="critic_channels is 0; it must be at least 1"):
+        PpoSettings().with_(["critic_channels=0"])
+
+
 def test_a_run_that_goes_on_keeps_the_teacher_that_it_was_cloned_from(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path / "run")
     folder.create({})
