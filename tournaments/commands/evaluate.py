@@ -72,7 +72,7 @@ def evaluate(
         say(f"{pairs} matches alone, rules {ruleset.name}, seed {seed}")
         return
     with stdout_to_stderr(), progress_bar(2 * pairs * len(opponents), checkpoint) as advance:
-        found = dict(play_all(ruleset, checkpoint, opponents, pairs=pairs, seed=seed, advance=advance, workers=workers))
+        found = play_all(ruleset, checkpoint, opponents, pairs=pairs, seed=seed, advance=advance, workers=workers)
     if as_json:
         print_json({**facts, "against": {name: asdict(one) for name, one in found.items()}})
         return

@@ -1,11 +1,15 @@
 """`arena evaluate`: the same matches wherever the fighter's file lies, and one sentence for what cannot be evaluated."""
 
 import json
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
-from arena.game.ruleset import load
+from arena.game.ruleset import Ruleset, load
+from arena.local.venue import Load, MatchRecord, play
+from arena.records.plan import MatchPlan
 from tournaments.cli import app
 from tournaments.evaluation.evaluate import evaluate
 from tournaments.evaluation.solo import play_alone, shortest_ways
@@ -17,19 +21,33 @@ PAPER = load("paper")
 def test_counts_are_from_the_fighters_side_and_repeat() -> None:
     counted = []
     runs = [
-        list(evaluate(PAPER, "rush", ["random", "defend"], pairs=6, seed=3, advance=counted.append, workers=1)) for _ in range(2)
+        evaluate(PAPER, "rush", ["random", "defend"], pairs=6, seed=3, advance=counted.append, workers=workers)
+        for workers in (1, 2)
     ]
 
     assert runs[0] == runs[1]
-    assert [name for name, _ in runs[0]] == ["random", "defend"]
+    assert list(runs[0]) == ["random", "defend"]
     assert sum(counted) == 2 * 2 * 12
-    for _, one in runs[0]:
+    for one in runs[0].values():
         assert one.wins + one.draws + one.losses == 12
-    assert runs[0][0][1].score > 0.5
+    assert runs[0]["random"].score > 0.5
+
+
+def test_processes_are_started_once_for_all_opponents(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+
+    def count(ruleset: Ruleset, plans: Sequence[MatchPlan], load: Load, **options: Any) -> Iterator[MatchRecord]:
+        calls.append(len(plans))
+        return play(ruleset, plans, load, **options)
+
+    monkeypatch.setattr("tournaments.evaluation.evaluate.play", count)
+    evaluate(PAPER, "rush", ["random", "defend", "patrol"], pairs=2, seed=3, advance=lambda _: None, workers=1)
+
+    assert calls == [3 * 4]
 
 
 def test_a_fighter_meets_itself() -> None:
-    ((name, one),) = evaluate(PAPER, "rush", ["rush"], pairs=4, seed=3, advance=lambda _: None, workers=1)
+    ((name, one),) = evaluate(PAPER, "rush", ["rush"], pairs=4, seed=3, advance=lambda _: None, workers=1).items()
 
     assert name == "rush"
     assert one.wins + one.draws + one.losses == 8
