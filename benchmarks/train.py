@@ -1,7 +1,8 @@
 """Training: how much of a loop's time is the network's own compute, and how near that comes to what the cores can multiply.
 
-Measured on the `paper` network, whose size is fixed: the game, the views, the replay and the bookkeeping are what is left of the
-loop. It uses as many threads as OMP_NUM_THREADS says, or one per core. Where others work too, it measures them.
+The paper's method is measured on the network of Table 5, whose size is fixed: the game, the views, the replay and the bookkeeping
+are what is left of the loop. It uses as many threads as OMP_NUM_THREADS says, or one per core. PPO is measured on one core, as a
+process of `arena train` has it, with trunks of several sizes. Where others work too, both measure them.
 """
 
 import json
@@ -19,9 +20,10 @@ import torch
 from arena.envs.batched import BatchedEnv
 from arena.errors import ArenaError
 from arena.game.ruleset import load as load_rules
+from benchmarks.measuring import ppo_loop
 from benchmarks.measuring.rates import RUNS, median_rate
 from policies.networks.models import PaperTeam
-from policies.networks.precision import has_fast_bf16
+from policies.networks.precision import has_fast_bf16, precision_of
 from policies.training.allocator import KEEP
 from policies.training.parallel import Processes
 from policies.training.reinforce import Reinforcer
@@ -30,6 +32,9 @@ from policies.training.replay import Samples
 from policies.training.trajectories import RoundPlayer
 
 BATCH, MATCHES, MULTIPLIED = 2_000, 64, 2_048
+GAMES, HORIZON = 128, 16
+"""Of the loop of PPO: enough for passes of full chunks."""
+TRUNKS = ((24, 2), (32, 3), (48, 3))
 _PASSES = 3
 """Of a training step, in forward passes: one forward, and two backward, to the inputs and to the weights."""
 
@@ -49,7 +54,7 @@ class Clock(PaperTeam):
 
 
 def run(progress: Callable[[str], None]) -> dict[str, Any]:
-    """Samples per second of back-propagation and of the whole loop, and how near they come to the cores' roof."""
+    """Samples per second of back-propagation and of whole loops, and how near they come to the cores' roof."""
     variants = {"fp32_as_it_comes": (False, {}), "fp32": (False, KEEP)}
     if has_fast_bf16():
         variants["bf16"] = (True, KEEP)
@@ -57,16 +62,25 @@ def run(progress: Callable[[str], None]) -> dict[str, Any]:
     for name, (is_bf16, environment) in variants.items():
         progress(name)
         # A process of its own: the allocator reads its settings once. `arena train` keeps memory as the later variants do.
-        call = f"measure({is_bf16}, {MATCHES}, {MULTIPLIED}, {BATCH}, {RUNS})"
-        code = f"import json; from benchmarks.train import measure; print(json.dumps({call}))"
-        bare = {key: value for key, value in os.environ.items() if key not in KEEP}
-        done = subprocess.run(
-            [sys.executable, "-c", code], env={**bare, **environment}, capture_output=True, text=True, check=False
-        )
-        if done.returncode:
-            raise ArenaError(f"the measurement of {name} failed: {done.stderr.strip().splitlines()[-1]}")
-        results[name] = json.loads(done.stdout)
+        results[name] = _measure_apart(name, f"measure({is_bf16}, {MATCHES}, {MULTIPLIED}, {BATCH}, {RUNS})", environment)
+    results["ppo_on_one_core"] = {}
+    for channels, blocks in TRUNKS:
+        name = f"ppo {channels} x {blocks}"
+        progress(name)
+        call = f"measure_ppo({channels}, {blocks}, {MULTIPLIED}, {GAMES}, {HORIZON}, {RUNS})"
+        results["ppo_on_one_core"][f"{channels} x {blocks}"] = _measure_apart(name, call, KEEP)
     return results
+
+
+def _measure_apart(name: str, call: str, environment: dict[str, str]) -> dict[str, float]:
+    """Return what a call of a function of this module returns in a process of its own."""
+    code = f"import json; from benchmarks import train; print(json.dumps(train.{call}))"
+    bare = {key: value for key, value in os.environ.items() if key not in KEEP}
+    done = subprocess.run([sys.executable, "-c", code], env={**bare, **environment}, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise ArenaError(f"the measurement of {name} failed: {done.stderr.strip().splitlines()[-1]}")
+    figures: dict[str, float] = json.loads(done.stdout)
+    return figures
 
 
 def n_threads() -> int:
@@ -87,6 +101,13 @@ def measure(is_bf16: bool, n_matches: int, multiplied: int, batch: int, runs: in
         "backprop_of_roof": round(trained / ceiling, 3), "loop_samples_per_s": round(median(rates)),
         "loop_network_share": round(median(shares), 3),
     }  # fmt: skip
+
+
+def measure_ppo(channels: int, blocks: int, multiplied: int, games: int, horizon: int, runs: int) -> dict[str, float]:
+    """Return the figures of PPO's loop with one trunk, in this process, in the numbers that training computes in here."""
+    torch.set_num_threads(1)
+    roof = roof_of(precision_of("cpu"), multiplied, runs)
+    return ppo_loop.measure_ppo(channels, blocks, roof, games=games, horizon=horizon, runs=runs)
 
 
 def roof_of(kind: torch.dtype, size: int, runs: int) -> float:

@@ -54,16 +54,20 @@ def test_a_terminal_is_shown_a_bar_with_the_win_rate_and_the_time_left(
 def test_the_benchmark_compares_the_loop_with_what_the_cores_multiply(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "1")  # more would only wait for each other here
     monkeypatch.setattr(benchmark, "has_fast_bf16", lambda: False)  # measured here, where it costs no process
-    for name, small in {"MATCHES": 1, "MULTIPLIED": 64, "BATCH": 60, "RUNS": 1}.items():
+    sizes = {"MATCHES": 1, "MULTIPLIED": 64, "BATCH": 60, "RUNS": 1, "GAMES": 8, "HORIZON": 2, "TRUNKS": ((8, 1),)}
+    for name, small in sizes.items():
         monkeypatch.setattr(benchmark, name, small)
     said: list[str] = []
     found = benchmark.run(said.append)
 
-    assert said == [name for name in found if name != "threads"]
-    assert said == ["fp32_as_it_comes", "fp32"]
-    for figures in (*(found[name] for name in said), benchmark.measure(True, 1, 64, 60, 1)):
+    assert said == ["fp32_as_it_comes", "fp32", "ppo 8 x 1"]
+    assert list(found) == ["threads", "fp32_as_it_comes", "fp32", "ppo_on_one_core"]
+    for figures in (found["fp32_as_it_comes"], found["fp32"], benchmark.measure(True, 1, 64, 60, 1)):
         assert all(value > 0 for value in figures.values())
         assert figures["loop_network_share"] <= 1
+    ppo = found["ppo_on_one_core"]["8 x 1"]
+    assert all(value > 0 for value in ppo.values())
+    assert ppo["acting"] + ppo["game"] + ppo["judging"] + ppo["learning"] == pytest.approx(1, abs=0.01)
 
 
 def test_the_cost_of_a_view_is_that_of_table_5() -> None:
