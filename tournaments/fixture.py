@@ -8,10 +8,10 @@ import numpy as np
 
 from arena.game.keys import MatchKeys, derive_map_key, derive_match_key
 from arena.game.types import Team, Termination
+from arena.intervals import margin_of
 from arena.local.venue import MatchRecord
 from arena.policy import Faults
 from arena.records.plan import LeagueMatchId, MatchPlan
-from tournaments.intervals import margin_of
 
 
 def plan_fixture(

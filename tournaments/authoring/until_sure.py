@@ -11,9 +11,9 @@ from statistics import fmean
 from typing import Any
 
 from arena.console import quantity
+from arena.intervals import margin_of
 from arena.local.venue import MatchRecord
 from arena.records.plan import MatchPlan
-from tournaments.intervals import margin_of
 from tournaments.ratings.sprt import Sprt, Verdict
 from tournaments.running.duel import next_batch
 

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.special import ndtr
 from scipy.stats import rankdata
 
+from arena.intervals import Z95
 from arena.records.plan import LeagueMatchId
-from tournaments.intervals import Z95
 from tournaments.outcome import Outcome
 from tournaments.ratings.bootstrap import Game, Unit, bootstrap, count, game_of
 from tournaments.ratings.davidson import ELO, Floats, fit

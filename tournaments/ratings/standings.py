@@ -11,8 +11,8 @@ from statistics import median
 import numpy as np
 
 from arena.game.types import Team, Termination
+from arena.intervals import margin_of
 from arena.records.plan import LeagueMatchId
-from tournaments.intervals import margin_of
 from tournaments.outcome import Outcome
 from tournaments.ratings.methods import RatingMethod
 from tournaments.ratings.rate import N_DRAWS, Follows, Rating, rate

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from arena.intervals import Z95
 from arena.records.plan import LeagueMatchId
-from tournaments.intervals import Z95
 from tournaments.outcome import Outcome
 from tournaments.ratings.standings import Record
 from tournaments.reports.tags import MEANINGS

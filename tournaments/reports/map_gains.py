@@ -15,10 +15,10 @@ from scipy.stats import norm
 
 from arena.errors import JournalError
 from arena.game.types import FLAGS, Code, Team
+from arena.intervals import Z95
 from arena.records.journal import Header, read_journal
 from arena.records.journal_folder import JournalFolder
 from arena.records.plan import LeagueMatchId
-from tournaments.intervals import Z95
 from tournaments.outcome import Outcome
 from tournaments.ratings.davidson import Floats
 from tournaments.ratings.residuals import LEVEL, expected_points, holm

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tournaments.intervals import Z95
+from arena.intervals import Z95
 from tournaments.ratings.davidson import ELO, Floats
 from tournaments.ratings.normal import Posterior
 

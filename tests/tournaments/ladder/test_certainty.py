@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from arena.game.types import Team, Termination
+from arena.intervals import Z95
 from arena.pit.ladder import LadderMatch, Waiting
 from arena.policy import MatchResult
-from tournaments.intervals import Z95
 from tournaments.ladder.ladder import LATELY, RatedLadder
 from tournaments.ladder.ladder_store import LadderStore
 from tournaments.ladder.skill import (

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
-from tournaments.intervals import Z95
+from arena.intervals import Z95
 from tournaments.ratings.davidson import ELO, Floats, chances
 from tournaments.ratings.normal import Posterior, fit_counts
 from tournaments.season.choosing import MOST_AS_NEWCOMER, NEWCOMER_ELO, REPEATS, Player, choose_pairs
