@@ -78,7 +78,8 @@ def _measure_apart(name: str, call: str, environment: dict[str, str]) -> dict[st
     bare = {key: value for key, value in os.environ.items() if key not in KEEP}
     done = subprocess.run([sys.executable, "-c", code], env={**bare, **environment}, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise ArenaError(f"the measurement of {name} failed: {done.stderr.strip().splitlines()[-1]}")
+        what = (done.stderr.strip().splitlines() or [f"it ended with exit code {done.returncode}"])[-1]
+        raise ArenaError(f"the measurement of {name} failed: {what}")
     figures: dict[str, float] = json.loads(done.stdout)
     return figures
 

@@ -15,7 +15,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from arena.errors import ArenaError, PolicyError
+from arena.errors import ArenaError, InputError, PolicyError
 from arena.files import check_file
 from arena.game.ruleset import Ruleset
 from arena.game.types import Code
@@ -35,6 +35,8 @@ MOST_SIZE = 1024
 """Of a team's network: channels, blocks, and the rest."""
 KINDS = ("team", "paper")
 _KEY = "arena"
+_MANIFEST_BYTES = 65_536
+"""Room for all that stands before the tensors."""
 _TYPES = {
     "network": str, "shape": dict, "features": int, "ruleset": str, "ruleset_hash": str, "training": dict, "evaluation": dict
 }  # fmt: skip
@@ -83,13 +85,19 @@ def build_network(kind: str, shape: Mapping[str, int]) -> nn.Module:
         if all(_is_size(size) for size in asdict(team).values()) and team.patch % 2:
             return TeamNetwork(team)
     elif kind == "paper" and set(sizes) == {"window", "agents", "planes", "edge"}:
-        is_known = sizes["planes"] in (1, len(SIGNED_PLANES), len(Code)) and sizes["edge"] in (Code.HIDDEN, Code.OBSTACLE)
+        is_known = all(_is_whole(size) for size in sizes.values())
+        is_known = is_known and sizes["planes"] in (1, len(SIGNED_PLANES), len(Code))
+        is_known = is_known and sizes["edge"] in (Code.HIDDEN, Code.OBSTACLE)
         is_known = is_known and _is_size(sizes["window"], MOST_WINDOW) and _is_size(sizes["agents"], MOST_AGENTS)
         if is_known and sizes["window"] >= 7:
             return PaperTeam(**sizes)
     if kind in KINDS:
         raise ValueError(f"no network of the kind {kind} has the sizes {sizes!s:.200}")
     raise ValueError(f"its network is {kind!r:.40}; known: {', '.join(KINDS)}")
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def _is_size(value: object, most: int = MOST_SIZE) -> bool:
@@ -112,6 +120,27 @@ def describe(network: nn.Module, ruleset: Ruleset, training: Mapping[str, Any]) 
         network=kind, shape=shape, features=FEATURES_VERSION, ruleset=ruleset.name, ruleset_hash=ruleset.hash,
         training=dict(training),
     )  # fmt: skip
+
+
+def check_size(shape: TeamShape) -> None:
+    """Refuse a team's network that no checkpoint can hold, before anything is made of it.
+
+    Raises
+    ------
+    InputError
+        A size is out of bounds, or a checkpoint would be larger than one may be.
+    """
+    asked = f"a network of channels={shape.channels} and blocks={shape.blocks}"
+    try:
+        with torch.device("meta"):  # takes no memory
+            weights = build_network("team", asdict(shape)).state_dict()
+    except ValueError as error:
+        raise InputError(f"{asked} cannot be kept in a checkpoint; no size may be above {MOST_SIZE:,}") from error
+    n_bytes = _MANIFEST_BYTES + torch.float32.itemsize * sum(tensor.numel() for tensor in weights.values())
+    if n_bytes > MOST_BYTES:
+        raise InputError(
+            f"{asked} would take {n_bytes:,} bytes as a checkpoint; {MOST_BYTES:,} is the most, so choose fewer of them"
+        )
 
 
 def save_checkpoint(path: Path, weights: Mapping[str, Tensor], manifest: Manifest) -> None:

@@ -14,9 +14,15 @@ def has_fast_bf16() -> bool:
     return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())
 
 
+def has_native_bf16() -> bool:
+    """Whether the GPU multiplies bf16 itself; an older one only imitates it, which is slower than fp32."""
+    return bool(torch.cuda.is_bf16_supported(including_emulation=False))
+
+
 def precision_of(device: str) -> torch.dtype:
     """Return the fastest of both kinds of numbers on a device, as torch names it."""
-    return torch.bfloat16 if torch.device(device).type == "cuda" or has_fast_bf16() else torch.float32
+    is_fast = has_native_bf16() if torch.device(device).type == "cuda" else has_fast_bf16()
+    return torch.bfloat16 if is_fast else torch.float32
 
 
 def autocast(device: str, precision: torch.dtype) -> torch.autocast:

@@ -1,6 +1,9 @@
 """How long a run goes on."""
 
+import math
 from dataclasses import dataclass
+
+from arena.errors import InputError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -12,6 +15,10 @@ class Budget:
     episodes: int | None = None
     """Matches."""
     minutes: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.minutes is not None and not 0 < self.minutes < math.inf:
+            raise InputError(f"--minutes is {self.minutes}; it must be above 0 and finite")
 
     def progress(self, *, samples: int = 0, episodes: int = 0, seconds: float = 0.0) -> float:
         """Return how much is used up; 1 is all."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
+from arena.envs.batched import StepResult
 from arena.game.observation import Observations
 from arena.game.types import Action, Team
 from policies.networks.features import N_PLANES, N_SCALARS
@@ -21,6 +22,7 @@ from policies.networks.models import TeamNetwork
 from policies.networks.precision import autocast
 from policies.registry import load
 from policies.search.planner import Planner
+from policies.training.opponents import Seated
 from policies.training.ppo import Learner
 from policies.training.rollout import Actors, LearnerSeats, Results
 
@@ -37,16 +39,16 @@ class Teacher:
     def __init__(self, name: str, seats: LearnerSeats) -> None:
         ruleset, self._seats = seats.env.ruleset, seats
         make, n_red = load(name), len(seats.opponents.self_rows)
-        self._blue = make(ruleset, Team.BLUE, seats.env.n_games)
-        self._red = make(ruleset, Team.RED, n_red) if n_red else None
+        self._blue = Seated(name, make(ruleset, Team.BLUE, seats.env.n_games), np.arange(seats.env.n_games))
+        self._red = Seated(name, make(ruleset, Team.RED, n_red), seats.opponents.self_rows) if n_red else None
         self._orders = np.zeros((seats.n_seats, seats.n_units), np.int8)
 
     def label(self, seen: dict[Team, Observations]) -> NDArray[np.int8]:
         """Return the script's actions in the frame, shape (s, units)."""
         n_games = self._seats.env.n_games
-        self._blue.act(seen[Team.BLUE], self._orders[:n_games])
+        self._blue.fighter.act(seen[Team.BLUE], self._orders[:n_games])
         if self._red is not None:
-            self._red.act(seen[Team.RED].select(self._seats.opponents.self_rows), self._orders[n_games:])
+            self._red.fighter.act(seen[Team.RED].select(self._red.rows), self._orders[n_games:])
         return self._seats.to_frame(np.clip(self._orders, 0, len(Action) - 1))
 
     def chances(self) -> NDArray[np.float32]:
@@ -65,15 +67,15 @@ class Teacher:
             planner.hear(its_seat, orders[seat])
 
     def _planners(self) -> Iterator[tuple[int, tuple[Planner, int]]]:
-        fighters = (self._blue,) if self._red is None else (self._blue, self._red)
+        fighters = [one.fighter for one in (self._blue, self._red) if one is not None]
         seats = [(fighter, seat) for fighter in fighters for seat in range(fighter.n_seats)]
         yield from ((at, (fighter, seat)) for at, (fighter, seat) in enumerate(seats) if isinstance(fighter, Planner))
 
-    def start(self, has_ended: NDArray[np.bool_]) -> None:
-        """Tell the script in which rows a new match begins."""
-        self._blue.start(np.flatnonzero(has_ended))
+    def start(self, turn: StepResult) -> None:
+        """Start a new match where the tick ended one."""
+        self._blue.start(turn)
         if self._red is not None:
-            self._red.start(np.flatnonzero(has_ended[self._seats.opponents.self_rows]))
+            self._red.start(turn)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -121,9 +123,11 @@ def collect_lesson(
             choose(infer(network, encoded, seats.n_walkers), seeds, actions)
         taught = as_legal(taught, encoded.legal)
         labels[tick] = np.where(encoded.alive, taught, _NO_LABEL)
-        turn = seats.step(seen, np.where(is_own, actions, taught), results)
+        done = np.where(is_own, actions, taught)
+        teacher.hear(done)
+        turn = seats.step(seen, done, results)
         seats.earn(turn)  # nobody learns from it here, but matches go on into the rollouts, which count from this score
-        teacher.start(turn.has_ended)
+        teacher.start(turn)
     flat = (torch.from_numpy(one).flatten(0, 1) for one in (planes, scalars, cell, legal, labels))
     return Lesson(**dict(zip(("planes", "scalars", "cell", "legal", "labels"), flat, strict=True)))
 

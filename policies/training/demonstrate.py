@@ -35,10 +35,10 @@ from policies.registry import CHECKPOINT, load, shipped
 from policies.search.planner import MOST_SIDE, Planner
 from policies.training.clone import Teacher, as_legal
 from policies.training.demonstrations import CERTAIN, UNKNOWN, DemonstrationFolder, Demonstrations, LostFolderError
-from policies.training.opponents import BEST, PAST, SELF, Opponents
+from policies.training.opponents import BEST, PAST, SELF, Opponents, check_self_play
 from policies.training.record import ReportProgress
 from policies.training.rollout import LearnerSeats, Results
-from policies.training.settings import merge_shares, read_values
+from policies.training.settings import MOST_SEED, check_range, check_shares, merge_shares, read_values
 from policies.training.start import read_team_network
 
 _LOOK_EVERY_S = 1.0
@@ -71,14 +71,13 @@ class DemonstrationSettings:
     """Share of the matches against each: `self` is learned from on both sides, any other is a fighter."""
 
     def __post_init__(self) -> None:
-        for name in ("games", "file_samples"):
-            if getattr(self, name) < 1:
-                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least 1")
-        if not 0 <= self.own <= 1:
-            raise InputError(f"the setting own is {self.own}; it must be a number from 0 to 1")
-        if not 0 <= self.temperature <= MOST_TEMPERATURE:
-            raise InputError(f"the setting temperature is {self.temperature}; it must be from 0 to {MOST_TEMPERATURE:g}")
-        if not self.opponents or min(self.opponents.values()) < 0 or sum(self.opponents.values()) <= 0:
+        check_range(self, "seed", 0, MOST_SEED)
+        check_range(self, "games", 1, 10**6)
+        check_range(self, "file_samples", 1, 10**9)
+        check_range(self, "own", 0, 1)
+        check_range(self, "temperature", 0, MOST_TEMPERATURE)
+        check_shares("opponents", self.opponents)
+        if sum(self.opponents.values()) <= 0:
             raise InputError("the setting opponents must give each a share, and one of them more than 0")
         if others := {BEST, PAST} & set(self.opponents):
             raise InputError(
@@ -102,8 +101,9 @@ def check(settings: DemonstrationSettings) -> Ruleset:
         Somebody cannot, or is not there.
     """
     ruleset = load_rules(settings.rules)
-    if ruleset.side % 2 or not ruleset.team(Team.BLUE):
-        raise InputError(f"ruleset {ruleset.name}: a team network plays with units, on a board whose side is even")
+    if not ruleset.team(Team.BLUE):
+        raise InputError(f"ruleset {ruleset.name}: blue has no units to show anything with")
+    check_self_play(ruleset, settings.opponents)
     teacher = load(settings.teacher)
     if isinstance(teacher, type) and issubclass(teacher, Planner) and ruleset.side > MOST_SIDE:
         raise InputError(
@@ -141,8 +141,8 @@ class Demonstrator:
         """What each seat has of its match so far, tick by tick."""
         self._truth = np.zeros((self.seats.n_seats, ruleset.side, ruleset.side, N_TRUTH_PLANES), np.uint8)
 
-    def play_tick(self) -> Iterator[Demonstrations]:
-        """Play a tick in every row, and yield the seats whose match has ended."""
+    def play_tick(self) -> Iterator[tuple[int, Demonstrations]]:
+        """Play a tick in every row, and yield each seat whose match has ended, with what it has of it."""
         seats = self.seats
         seen = seats.env.observe()
         encoded, seeds = seats.look(seen)
@@ -157,12 +157,12 @@ class Demonstrator:
             ticks.append(tuple(column[seat].copy() for column in columns))
         turn = seats.step(seen, actions, Results())
         reward, _, has_ended = seats.earn(turn)
-        self.teacher.start(turn.has_ended)
+        self.teacher.start(turn)
         for seat in np.flatnonzero(has_ended).tolist():
             ticks, self._begun[seat] = self._begun[seat], []
             whole = [np.stack(column) for column in zip(*ticks, strict=True)]
             whole.append(np.full(len(ticks), reward[seat], np.float32))
-            yield Demonstrations(*whole)
+            yield seat, Demonstrations(*whole)
             self._is_own[seat] = self._draw_players(1)[0]
 
     def _draw_players(self, n: int) -> NDArray[np.bool_]:
@@ -187,20 +187,31 @@ def demonstrate_alone(
     folder: DemonstrationFolder, settings: DemonstrationSettings, process: int, sitting: int, n_matches: int,
     should_stop: Callable[[], bool],
 ) -> None:  # fmt: skip
-    """Add so many matches to the folder, in this process; what has ended is kept when it is stopped."""
+    """Add so many matches to the folder, in this process; what has ended is kept when it is stopped.
+
+    Each seat has its share of them: if the first to end were kept, most of them would be short. A seat that has its share
+    plays on, and nothing of that is kept.
+    """
     torch.set_num_threads(1)
     demonstrator = Demonstrator(settings, process, sitting)
+    left = share_matches(n_matches, demonstrator.seats.n_seats, sitting)
     kept: list[Demonstrations] = []
-    while n_matches and not should_stop():
-        for match in demonstrator.play_tick():
-            if n_matches:
+    while left.any() and not should_stop():
+        for seat, match in demonstrator.play_tick():
+            if left[seat]:
                 kept.append(match)
-                n_matches -= 1
-        if kept and (not n_matches or sum(len(match.outcome) for match in kept) >= settings.file_samples):
+                left[seat] -= 1
+        if kept and (not left.any() or sum(len(match.outcome) for match in kept) >= settings.file_samples):
             folder.add(process, kept)
             kept = []
     if kept:
         folder.add(process, kept)
+
+
+def share_matches(n_matches: int, n_seats: int, first: int) -> NDArray[np.intp]:
+    """Return how many matches are kept of each seat: equally many, or one more, by turns from the seat `first` on."""
+    bounds = n_matches * np.arange(n_seats + 1) // n_seats
+    return np.roll(np.diff(bounds), first)
 
 
 def demonstrate(
@@ -255,8 +266,9 @@ def _add_matches(
 def _work(
     path: Path, settings: DemonstrationSettings, process: int, sitting: int, n_matches: int, stop: Event, parent: int
 ) -> None:  # fmt: skip
-    """Be one of the processes; the first one's Ctrl-C is not this one's, and with the first one it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Be one of the processes; it ends when the first one says so, or has ended."""
+    for number in (signal.SIGINT, signal.SIGTERM):  # which a terminal, or a job's manager, sends to all
+        signal.signal(number, signal.SIG_IGN)
     with suppress(LostFolderError):  # which the first process tells
         demonstrate_alone(
             DemonstrationFolder(path), settings, process, sitting, n_matches, lambda: stop.is_set() or os.getppid() != parent

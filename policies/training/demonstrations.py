@@ -7,7 +7,6 @@ demonstrations.json           what they are of
 import io
 import json
 import re
-import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -155,7 +154,8 @@ class DemonstrationFolder:
         except FileNotFoundError as error:
             raise LostFolderError(self.path) from error
         found = ((path, _FILE.fullmatch(path.name)) for path in paths)
-        return sorted(File(path, *map(int, name.groups())) for path, name in found if name)
+        files = [File(path, *map(int, name.groups())) for path, name in found if name]
+        return sorted(files, key=lambda file: (file.process, file.number))
 
     def add(self, process: int, parts: Iterable[Demonstrations]) -> File:
         """Write a file of matches, all of it or nothing; `LostFolderError` if the folder was deleted."""
@@ -186,8 +186,10 @@ def read(path: Path) -> Demonstrations:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return Demonstrations(**{name: arrays[name] for name in Demonstrations._fields})
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise InputError(f"cannot read {path}: {error}; delete it, and the rest can be used") from error
+    except MemoryError:
+        raise
+    except Exception as error:  # the archive, its compression and its arrays have errors of their own
+        raise InputError(f"cannot read {path}: {str(error) or 'it is cut short'}; delete it, and the rest can be used") from error
 
 
 def _versions(ruleset: Ruleset) -> dict[str, Any]:

@@ -6,7 +6,7 @@ iteration: Anthony, Tian, Barber, "Thinking fast and slow with deep learning and
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -20,11 +20,11 @@ from torch.nn import functional
 from arena.errors import InputError
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
-from policies.networks.checkpoint import describe, save_checkpoint
+from policies.networks.checkpoint import check_size, describe, save_checkpoint
 from policies.networks.learned import CHUNK
 from policies.networks.models import Judge, Locator, TeamNetwork, TeamShape, channels_last
 from policies.networks.precision import autocast, precision_of
-from policies.training.demonstrations import CERTAIN, DemonstrationFolder, Demonstrations, join, mirrored, read
+from policies.training.demonstrations import CERTAIN, DemonstrationFolder, Demonstrations, File, join, mirrored, read
 from policies.training.distil_settings import DistilSettings
 from policies.training.folder import LAST, STEP
 from policies.training.gradients import bound_gradients
@@ -36,8 +36,10 @@ MOST_NORM = 1.0
 AT_ONCE = 4
 """Files whose samples are mixed, and held in memory, at a time."""
 UNSEEN_EVERY = 10
-"""Of the files of a folder's first process, one in so many is not learned from, but shows how the network fares with what it has
+"""Of the files of each process in a folder, one in so many is not learned from, but shows how the network fares with what it has
 not seen; the same ones, however many files come after."""
+_APART = 3
+"""By how many numbers the unseen files of a process and of the next are apart."""
 _WARMUP = 50
 """Steps in which the rate rises."""
 _LEAST_RATE = 0.01
@@ -67,6 +69,23 @@ class Counts:
     """Time spent training, over all sittings."""
 
 
+def choose_unseen(files: Iterable[File]) -> set[File]:
+    """Return those of a folder's files that are not learned from.
+
+    A process begins with the matches that end first, so its first files are of short ones. So each process leaves out another
+    number: 2, 12, 22 and so on by the first, 5, 15, 25 by the second, up to 1, 11, 21 by the fourth. Where that file was deleted,
+    the next one that is there takes its place, up to the next number that is left out.
+
+    A file that was written later changes nothing, as it has a higher number.
+    """
+    unseen: dict[tuple[int, int], File] = {}
+    for file in sorted(files, key=lambda file: file.number):
+        first = 1 + (_APART * file.process + 1) % UNSEEN_EVERY
+        if file.number >= first:
+            unseen.setdefault((file.process, (file.number - first) // UNSEEN_EVERY), file)
+    return set(unseen.values())
+
+
 class DistilRun(TrainingRun[DistilSettings]):
     """One run in one process of perhaps several; see `TrainingRun`."""
 
@@ -74,23 +93,26 @@ class DistilRun(TrainingRun[DistilSettings]):
 
     def _begin(self, device: str) -> None:
         settings, start = self.settings, self.start
+        shape = TeamShape(channels=settings.channels, blocks=settings.blocks)
+        check_size(shape)
         self.device, self.precision = torch.device(device), precision_of(device)
         self._files: list[tuple[Path, Ruleset]] = []
         self._unseen: list[tuple[Path, Ruleset]] = []
         for path in settings.data:
             data = DemonstrationFolder(Path(path))
             ruleset, files = data.check(), data.files()
+            unseen = choose_unseen(files)
             for file in files:
-                is_unseen = file.process == files[0].process and file.number % UNSEEN_EVERY == 1
-                (self._unseen if is_unseen else self._files).append((file.path, ruleset))
+                (self._unseen if file in unseen else self._files).append((file.path, ruleset))
         if all(ruleset.hash != self.ruleset.hash for _, ruleset in [*self._files, *self._unseen]):
             raise InputError(f"there are no demonstrations of ruleset {settings.rules} in {', '.join(settings.data)}")
         if not self._files or not self._unseen:
             raise InputError(
-                f"there are too few demonstrations in {', '.join(settings.data)}; it takes 2 files, one to be judged by"
+                f"there are too few demonstrations in {', '.join(settings.data)} to learn from some and be judged by others;"
+                " `arena train demonstrate` adds some, with more --matches"
             )
         torch.manual_seed(settings.seed)
-        network = TeamNetwork(TeamShape(channels=settings.channels, blocks=settings.blocks))
+        network = TeamNetwork(shape)
         if start:
             network = read_start(Path(start), self.ruleset, network)
         self.network, self.judge = channels_last(network.to(self.device)), Judge(network.shape).to(self.device)

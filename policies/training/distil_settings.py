@@ -7,7 +7,7 @@ from typing import Any
 
 from arena.errors import InputError
 from arena.game.ruleset import parse_overrides
-from policies.training.settings import read_values
+from policies.training.settings import MOST_SEED, check_range, read_values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,17 +36,17 @@ class DistilSettings:
     """Decay of the running average of the weights that is saved, per step of the optimiser."""
 
     def __post_init__(self) -> None:
+        check_range(self, "seed", 0, MOST_SEED)
         for name in ("channels", "blocks", "minibatch"):
-            if getattr(self, name) < 1:
-                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least 1")
-        for name, most in (("passes", math.inf), ("rate", 1.0), ("average", 1.0)):
-            if not 0 < getattr(self, name) < most:
-                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be above 0 and below {most:g}")
-        if not 0 <= self.soft <= 1:
-            raise InputError(f"the setting soft is {self.soft}; it must be a number from 0 to 1")
+            check_range(self, name, 1, 10**9)
+        check_range(self, "passes", 0, math.inf, above=True, below=True)
+        for name in ("rate", "average"):
+            check_range(self, name, 0, 1, above=True, below=True)
+        check_range(self, "soft", 0, 1)
         for name in ("value", "belief"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be a number from 0 on")
+            check_range(self, name, 0, math.inf, below=True)
+        if type(self.data) is not list or any(type(path) is not str for path in self.data):
+            raise InputError(f"the setting data is {self.data!r}; it must be a list of folders, each of which --data gives")
         if not self.data:
             raise InputError(
                 "the method distil learns from demonstrations; give a folder by --data, `arena train demonstrate` makes one"

@@ -1,6 +1,5 @@
 """The paper's Figures 4 to 6 from the metrics of runs: score over episodes, the mean of the seeds and the band they lie in."""
 
-import csv
 import io
 import json
 from collections import defaultdict
@@ -15,7 +14,7 @@ from arena.errors import InputError
 from arena.extras import needs
 from policies.networks.checkpoint import write_whole
 from policies.training.convergence import Verdict, judge
-from policies.training.folder import METRICS, SETTINGS, RunFolder
+from policies.training.folder import METRICS, SETTINGS, RunFolder, read_metrics
 from policies.training.methods import read_config
 from policies.training.reinforce_settings import ReinforceSettings
 
@@ -112,8 +111,7 @@ def _read_run(path: Path) -> Iterator[Trace]:
     settings = read_config(RunFolder(path).read_settings()).settings
     if not isinstance(settings, ReinforceSettings) or not (path / METRICS).exists():
         return
-    with (path / METRICS).open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    _, rows = read_metrics(path / METRICS)
     try:
         columns = {name: np.array([float(row[name]) for row in rows]) for name in ("episodes", "score", "captures")}
     except (KeyError, TypeError, ValueError) as error:

@@ -10,7 +10,7 @@ state.pt            all that `--resume` needs
 import csv
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -102,28 +102,54 @@ class RunFolder:
                 file.seek(0)
                 header = next(csv.reader(file), None)
                 writer = csv.DictWriter(file, header or list(row), extrasaction="ignore", restval="")
-                if header is None:
+                if not header:  # nothing, or an empty line
+                    file.truncate(0)
                     writer.writeheader()
                 writer.writerow(values)
         except OSError as error:
             raise ArenaError(f"cannot write {path}: {error.strerror}; the last checkpoint is good") from error
 
     def cut_metrics(self, step: int) -> None:
-        """Drop the rows after `step`: they belong to what was lost when the run was killed."""
+        """Drop the rows after `step`: they belong to what was lost when the run was killed.
+
+        If none are left, the file is begun anew: where a full disk ended the run, the header may be cut, too.
+
+        Raises
+        ------
+        InputError
+            The file is damaged.
+        """
         path = self.path / METRICS
         if not path.exists():
             return
-        with path.open(encoding="utf-8", newline="") as file:
-            reader = csv.DictReader(file)
-            rows, names = (
-                [row for row in reader if (row[STEP] or "").isdigit() and int(row[STEP]) <= step],
-                reader.fieldnames or [],
-            )
+        names, rows = read_metrics(path)
+        if rows and (STEP not in names or any(None in row for row in rows)):
+            raise InputError(f"cannot go on with {path}: its header is damaged; move it away, and it is begun anew")
+        rows = [row for row in rows if (row[STEP] or "").isdecimal() and int(row[STEP]) <= step]
+        if not rows:
+            path.unlink()
+            return
         text = io.StringIO()
         writer = csv.DictWriter(text, names)
         writer.writeheader()
         writer.writerows(rows)
         write_whole(path, text.getvalue().encode())
+
+
+def read_metrics(path: Path) -> tuple[Sequence[str], list[dict[str, str]]]:
+    """Return the columns and the rows of a file of metrics.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is no text.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.DictReader(file)
+            return reader.fieldnames or [], list(reader)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"cannot read {path}: {error}; move it away, and the run goes on without it") from error
 
 
 def open_board(path: Path) -> Any | None:

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from arena.errors import InputError, UnknownNameError
+from arena.game.ruleset import load as load_rules
+from arena.game.types import Team
 from policies.networks.checkpoint import read_manifest
 from policies.registry import CHECKPOINT, load, shipped
 from policies.training import distil_settings, ppo_settings, reinforce_settings
@@ -133,6 +135,8 @@ def make_config(
         if against in (SELF, BEST, PAST):
             raise InputError(f"--against is {against!r}; a best response is to a fighter that stays as it is")
         load(against)  # a name that nobody has is refused before anything is made
+        if not (alone := load_rules(usual.rules)).team(Team.RED):
+            raise InputError(f"--against {against}: ruleset {alone.name} gives red no units, so nobody is met")
         usual = replace(usual, opponents={against: 1.0})
     return RunConfig(method=method, start=start, budget=Budget(samples=DEFAULT_SAMPLES), settings=usual).with_budget(budget)
 

@@ -1,5 +1,6 @@
 """Whom the learner meets: itself, its former selves, and scripts; and when a newer self takes the place of the best."""
 
+import logging
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -9,13 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
+from arena.envs.batched import StepResult
+from arena.errors import InputError
 from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
-from arena.game.types import Team
-from arena.policy import BatchPolicy
+from arena.game.types import Action, Team, Termination
+from arena.intervals import margin_of
+from arena.policy import BatchPolicy, MatchResult
 from policies.networks.learned import LearnedTeam
 from policies.networks.models import TeamNetwork
 from policies.registry import load
+
+logger = logging.getLogger(__name__)
 
 SELF, BEST, PAST, NOBODY = "self", "best", "past", "nobody"
 _MOST_PAST = 20
@@ -23,7 +29,6 @@ _MOST_PAST = 20
 _LEAST_WEIGHT = 0.05
 _LEAST_NEWEST, _MOST_NEWEST = 40, 400
 """Matches from which on a score has an interval, and as many as it is of."""
-_Z95 = 1.959964
 
 
 def assign(shares: Mapping[str, float], first_row: int, n_rows: int) -> dict[str, NDArray[np.intp]]:
@@ -62,6 +67,21 @@ def prioritise(shares: Mapping[str, float], scores: Mapping[str, float], power: 
     return {name: weights[name] * by if name in weights else share for name, share in shares.items()}
 
 
+def check_self_play(ruleset: Ruleset, shares: Mapping[str, float]) -> None:
+    """Refuse matches of the learner against itself under a ruleset whose teams are not alike.
+
+    Raises
+    ------
+    InputError
+        It would play them, and a team has other units than the other.
+    """
+    blue, red = (ruleset.team(team) for team in Team)
+    if red and shares.get(SELF) and [unit.flies for unit in blue] != [unit.flies for unit in red]:
+        raise InputError(
+            f"ruleset {ruleset.name}: the teams have other units, so one network cannot play both; give --set opponents.{SELF}=0"
+        )
+
+
 class Newest:
     """The learner's newest results against one opponent: their mean, and the interval in which the true score lies with 95%."""
 
@@ -72,9 +92,9 @@ class Newest:
         """Return mean, lower and upper bound; NaN where there are too few."""
         if len(self.points) < _LEAST_NEWEST:
             return math.nan, math.nan, math.nan
-        mean, spread = float(np.mean(self.points)), float(np.std(self.points, ddof=1))
-        margin = _Z95 * spread / len(self.points) ** 0.5
-        return mean, mean - margin, mean + margin
+        mean, margin = float(np.mean(self.points)), margin_of(list(self.points))
+        assert margin is not None  # there are more than two
+        return mean, max(mean - margin, 0.0), min(mean + margin, 1.0)
 
 
 class Pool:
@@ -129,41 +149,78 @@ class Pool:
         return int(rng.choice(len(hardness), p=hardness / hardness.sum()))
 
 
+class Seated:
+    """A fighter in some rows, which is told how each match ended, and whose mistakes are told once each.
+
+    Parameters
+    ----------
+    rows
+        The row that each of its seats is in.
+    """
+
+    def __init__(self, name: str, fighter: BatchPolicy, rows: NDArray[np.intp]) -> None:
+        self.name, self.fighter, self.rows = name, fighter, rows
+        self._hears_ends = type(fighter).end is not BatchPolicy.end
+        self._may_fail = type(fighter).take_faults is not BatchPolicy.take_faults
+        self._told: set[str] = set()
+
+    def start(self, turn: StepResult) -> None:
+        """Start a new match where the tick ended one."""
+        seats = np.flatnonzero(turn.has_ended[self.rows])
+        for seat in seats.tolist() if self._hears_ends else ():
+            self.fighter.end(seat, _result_of(turn, self.rows[seat]).seen_by(self.fighter.team))
+        for seat in seats.tolist() if self._may_fail else ():
+            for kind, (sentence, _) in self.fighter.take_faults(seat).reasons.items():
+                if kind not in self._told:
+                    self._told.add(kind)
+                    logger.warning("%s: %s", self.name, sentence)
+        self.fighter.start(seats)
+
+
+def _result_of(turn: StepResult, row: int) -> MatchResult:
+    winner = int(turn.winner[row])
+    return MatchResult(
+        ending=Termination(int(turn.ending[row])), winner=None if winner < 0 else Team(winner), score=int(turn.score[row]),
+        ticks=int(turn.ticks[row]),
+    )  # fmt: skip
+
+
 class Opponents:
     """All fighters on the red side of a batch of rows, except where the learner plays itself, or red has no units."""
 
     def __init__(self, ruleset: Ruleset, shares: Mapping[str, float], first_row: int, n_rows: int, network: TeamNetwork) -> None:
         self.rows = assign(shares if ruleset.team(Team.RED) else {NOBODY: 1.0}, first_row, n_rows)
         self.self_rows = self.rows.pop(SELF, np.zeros(0, np.intp))
-        self._fighters: dict[str, BatchPolicy] = {}
+        self._seated: dict[str, Seated] = {}
         for name, rows in self.rows.items():
             if name == NOBODY:
                 continue
+            fighter: BatchPolicy
             if name in (BEST, PAST):
-                self._fighters[name] = LearnedTeam(ruleset, Team.RED, len(rows), network=deepcopy(network))
+                fighter = LearnedTeam(ruleset, Team.RED, len(rows), network=deepcopy(network))
             else:
-                self._fighters[name] = load(name)(ruleset, Team.RED, len(rows))
+                fighter = load(name)(ruleset, Team.RED, len(rows))
+            self._seated[name] = Seated(name, fighter, rows)
         self._orders = {name: np.zeros((len(rows), len(ruleset.team(Team.RED))), np.int8) for name, rows in self.rows.items()}
 
     def use(self, name: str, weights: Mapping[str, Tensor], network: TeamNetwork) -> None:
         """Let `best` or `past` play with other weights; `network` is of the same shape, and is copied."""
-        fighter = self._fighters.get(name)
-        if isinstance(fighter, LearnedTeam):
+        one = self._seated.get(name)
+        if one is not None and isinstance(one.fighter, LearnedTeam):
             changed = deepcopy(network)
             changed.load_state_dict(dict(weights))
-            fighter.use(changed)
+            one.fighter.use(changed)
 
-    def start(self, has_ended: NDArray[np.bool_]) -> None:
+    def start(self, turn: StepResult) -> None:
         """Start a new match for those whose match has ended."""
-        for name, fighter in self._fighters.items():
-            fighter.start(np.flatnonzero(has_ended[self.rows[name]]))
+        for one in self._seated.values():
+            one.start(turn)
 
     def act(self, red: Observations, orders: NDArray[np.int8]) -> None:
         """Write the orders of all rows but those of self-play."""
-        for name, fighter in self._fighters.items():
-            rows = self.rows[name]
-            fighter.act(red.select(rows), self._orders[name])
-            orders[rows] = self._orders[name]
+        for name, one in self._seated.items():
+            one.fighter.act(red.select(one.rows), self._orders[name])
+            orders[one.rows] = np.maximum(self._orders[name], Action.STAY)  # who gives no orders stays
 
 
 def _copy(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -182,7 +182,7 @@ class Learner:
 
     def minibatches(self, n: int, size: int, generator: torch.Generator) -> Iterator[Tensor]:
         """Yield rows in parts, as many as the settings say: every process must take as many steps as the others."""
-        n_parts = max(round(self.settings.games * self.settings.horizon / size), 1)
+        n_parts = min(self.processes.gather(max(round(n * self.processes.n / size), 1)) + self.processes.gather(n))
         yield from torch.randperm(n, generator=generator).tensor_split(n_parts)
 
     def _step(self, batch: list[Tensor], n_walkers: int, schedule: Schedule) -> dict[str, float]:

@@ -7,7 +7,7 @@ costs nothing but the exactness of the sequel; weights, optimiser, former selves
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import deepcopy
 from dataclasses import asdict, dataclass
@@ -23,11 +23,12 @@ from arena.errors import InputError
 from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
-from policies.networks.checkpoint import describe, save_checkpoint
+from policies.networks.checkpoint import check_size, describe, save_checkpoint
 from policies.networks.models import Critic, TeamNetwork, TeamShape
+from policies.registry import load
 from policies.training.clone import Teacher, clone
 from policies.training.folder import LAST, START, STEP
-from policies.training.opponents import BEST, PAST, SELF, Newest, Opponents, Pool, assign, prioritise
+from policies.training.opponents import BEST, NOBODY, PAST, SELF, Newest, Opponents, Pool, assign, check_self_play, prioritise
 from policies.training.ppo import Learner, Schedule
 from policies.training.ppo_settings import PpoSettings
 from policies.training.record import Record
@@ -91,13 +92,20 @@ class PpoRun(TrainingRun[PpoSettings]):
         settings, start, processes = self.settings, self.start, self.processes
         self._rulesets = {name: load_rules(name) for name in settings.shares()}
         for ruleset in self._rulesets.values():
-            if ruleset.side % 2 or not ruleset.team(Team.BLUE):
+            if not ruleset.team(Team.BLUE):
                 raise InputError(f"ruleset {ruleset.name}: blue has no units to train")
+            check_self_play(ruleset, settings.opponents)
+        if settings.games < processes.n:
+            raise InputError(f"the setting games is {settings.games}; {processes.n} processes need a row each")
         self._teachers = _teachers(start, settings)
+        for name in {*settings.opponents, *self._teachers.values()} - {SELF, BEST, PAST}:
+            load(name)  # who is not there is refused before the run has a folder
         if settings.teacher_kl and not (start or self._teachers):
             raise InputError("the setting teacher_kl keeps PPO near the network that it starts from; give one by --start")
+        shape = TeamShape(channels=settings.channels, blocks=settings.blocks)
+        check_size(shape)
         torch.manual_seed(settings.seed)
-        network = TeamNetwork(TeamShape(channels=settings.channels, blocks=settings.blocks))
+        network = TeamNetwork(shape)
         if start and not start.startswith(CLONE):
             network = read_start(Path(start), self.ruleset, network)
         critic = Critic(settings.critic_channels, settings.critic_blocks)
@@ -139,7 +147,9 @@ class PpoRun(TrainingRun[PpoSettings]):
     def _groups_of_rows(self) -> list[tuple[int, int]]:
         """Return first and number of each group of this process's rows."""
         first_row, n_rows = self.processes.share(self.settings.games)
-        wanted = self.settings.actors or (1 if self.learner.device.type == "cpu" else len(os.sched_getaffinity(0)))
+        n_here = int(os.environ.get("LOCAL_WORLD_SIZE", "1"))  # processes that share this machine, as torchrun says
+        on_gpu = max(len(os.sched_getaffinity(0)) // n_here, 1)
+        wanted = self.settings.actors or (1 if self.learner.device.type == "cpu" else on_gpu)
         n = max(min(wanted, n_rows), 1)
         edges = [first_row + n_rows * group // n for group in range(n + 1)]
         return [(first, last - first) for first, last in pairwise(edges)]
@@ -164,8 +174,12 @@ class PpoRun(TrainingRun[PpoSettings]):
     @property
     def _only(self) -> str | None:
         """The opponent of a best response, which is met alone."""
-        names = list(self.settings.opponents)
-        return names[0] if len(names) == 1 and names[0] not in (SELF, BEST, PAST) else None
+        names = list(self._met())
+        return names[0] if len(names) == 1 and names[0] not in (SELF, BEST, PAST, NOBODY) else None
+
+    def _met(self) -> Iterable[str]:
+        """Return who is met under the run's own ruleset."""
+        return self.settings.opponents if self.ruleset.team(Team.RED) else (NOBODY,)
 
     @property
     def progress(self) -> float:
@@ -209,13 +223,18 @@ class PpoRun(TrainingRun[PpoSettings]):
             rules = self._rules_of(self.counts.step)
             n, metrics = clone(self.actors[rules], teachers[rules], self.learner, part, self._rng, self._generator)
             self.counts.cloned += n * self.processes.n
+            if self.counts.cloned >= self.settings.clone_samples:
+                self._end_cloning()
             self._note("clone", rules, n, metrics, Results())
+        self.save()
+
+    def _end_cloning(self) -> None:
+        """Begin PPO with the averaged weights; before anything is saved that says that cloning has ended."""
         self.learner.network.load_state_dict(self.learner.average)
         self.learner.optimiser = torch.optim.Adam(self.learner.parameters, lr=self.settings.rate, eps=1e-5)
         self.pool = Pool(self.learner.average, gate_matches=self.settings.gate_matches, gate_score=self.settings.gate_score)
         if self.processes.is_first:
             self._save_weights(START)
-        self.save()
 
     def _improve(self) -> None:
         """Take a rollout, see whether the best self is to be replaced, and learn, while the next one is played if it may be."""
@@ -226,7 +245,7 @@ class PpoRun(TrainingRun[PpoSettings]):
         n = experience.reward.numel()
         self.counts.samples += n * self.processes.n
         self.counts.rollouts += 1
-        self._tend_opponents(rules, results)
+        results = self._tend_opponents(rules, results)
         if self.settings.overlap:
             network = deepcopy(self.learner.to_act())  # as it stands, whatever is learned meanwhile
             self._ahead = self._player.submit(self._play, self._rules_of(self.counts.step + 1), network)
@@ -245,19 +264,21 @@ class PpoRun(TrainingRun[PpoSettings]):
         rollout, self._ahead = self._ahead.result(), None
         return rollout
 
-    def _tend_opponents(self, rules: str, results: Results) -> None:
-        """Count results, and exchange opponents where it is time; nobody may be playing meanwhile."""
+    def _tend_opponents(self, rules: str, results: Results) -> Results:
+        """Count results, and exchange opponents where it is time, while nobody is playing; return those of all processes."""
         if rules != self.settings.rules:
             results.points = {rules: list(chain(*results.points.values()))}
-        for theirs in self.processes.gather((results.points.get(BEST, []), self._past, results.points.get(PAST, []))):
-            best, past, against_past = theirs
-            self.pool.note_best(best)
-            self.pool.note_past(past, against_past)
-        self._note_scores(results)
+        whole = Results()
+        for past, theirs in self.processes.gather((self._past, results)):
+            self.pool.note_best(theirs.points.get(BEST, []))
+            self.pool.note_past(past, theirs.points.get(PAST, []))
+            whole.add(theirs)
+        self._note_scores(whole)
         if self.settings.priority and self.counts.rollouts % RESEAT_EVERY == 0:
             self._reseat()
         elif self.pool.try_gate(self.learner.average) or self.counts.rollouts % 8 == 0:
             self._meet_selves()
+        return whole
 
     def _ppo_progress(self) -> float:
         """How much of what cloning left of the budget is used up."""
@@ -288,7 +309,7 @@ class PpoRun(TrainingRun[PpoSettings]):
             "ticks": float(np.mean(results.ticks)) if results.ticks else math.nan,
         }  # fmt: skip
         row |= {name: metrics.get(name, math.nan) for name in _LEARNING}
-        met = sorted([*self.settings.opponents, *self.settings.also])
+        met = sorted([*self._met(), *self.settings.also])
         row |= {f"score_{name}": self.scores.get(name, math.nan) for name in met}
         if self._only is not None:
             self.newest.points.extend(results.points.get(self._only, []))

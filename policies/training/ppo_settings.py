@@ -7,7 +7,14 @@ from typing import Any
 
 from arena.errors import InputError
 from arena.game.ruleset import parse_overrides
-from policies.training.settings import merge_shares, read_values
+from policies.training.settings import MOST_SEED, check_range, check_shares, merge_shares, read_values
+
+_COUNTS = (
+    ("channels", 1, 1024), ("blocks", 1, 1024), ("critic_channels", 1, 4096), ("critic_blocks", 0, 4096), ("games", 1, 10**6),
+    ("actors", 0, 1024), ("horizon", 2, 10**6), ("minibatch", 1, 10**9), ("epochs", 1, 10**6), ("critic_warmup", 0, 10**9),
+    ("clone_samples", 1, 10**12), ("clone_minibatch", 1, 10**9), ("gate_matches", 1, 10**6),
+)  # fmt: skip
+"""The least and the most of each setting that is counted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,36 +92,26 @@ class PpoSettings:
     """Score that the learner needs over the last `gate_matches` against `best` to take its place."""
 
     def __post_init__(self) -> None:
-        low = {
-            "actors": 0,
-            "games": 1,
-            "horizon": 2,
-            "minibatch": 1,
-            "epochs": 1,
-            "channels": 1,
-            "critic_channels": 1,
-            "critic_blocks": 0,
-            "gate_matches": 1,
-            "clone_samples": 1,
-        }
-        low["clone_minibatch"] = 1
-        for name, least in low.items():
-            if getattr(self, name) < least:
-                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least {least}")
-        for name in ("teacher_kl", "priority"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be a number from 0 on")
-        if not 0 <= self.entropy_left <= 1:
-            raise InputError(f"the setting entropy_left is {self.entropy_left}; it must be a number from 0 to 1")
-        if not 0 < self.teacher_share <= 1:
-            raise InputError(f"the setting teacher_share is {self.teacher_share}; it must be above 0 and at most 1")
-        if not self.opponents or min(self.opponents.values()) < 0 or sum(self.opponents.values()) <= 0:
+        check_range(self, "seed", 0, MOST_SEED)
+        for name, least, most in _COUNTS:
+            check_range(self, name, least, most)
+        for name in ("rate", "clone_rate", "gamma", "teacher_share"):
+            check_range(self, name, 0, 1, above=True)
+        for name in ("lambda_", "entropy_left", "gate_score"):
+            check_range(self, name, 0, 1)
+        for name in ("clip", "target_kl"):
+            check_range(self, name, 0, above=True)
+        for name in ("entropy", "shaping", "teacher_kl", "priority"):
+            check_range(self, name, 0, math.inf, below=True)
+        check_range(self, "average", 0, 1, below=True)
+        check_shares("opponents", self.opponents)
+        if sum(self.opponents.values()) <= 0:
             raise InputError("the setting opponents must give each a share, and one of them more than 0")
         if strangers := set(self.teachers) - set(self.shares()):
             raise InputError(
                 f"the setting teachers names {', '.join(sorted(strangers))}; the run's rulesets are {', '.join(self.shares())}"
             )
-        if min(self.also.values(), default=0.0) < 0 or sum(self.also.values()) >= 1 or self.rules in self.also:
+        if not (all(share >= 0 for share in self.also.values()) and sum(self.also.values()) < 1 and self.rules not in self.also):
             raise InputError(f"the setting also must give other rulesets than {self.rules} shares of less than 1 in all")
 
     def shares(self) -> dict[str, float]:

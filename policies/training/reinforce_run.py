@@ -23,9 +23,10 @@ from policies.networks.models import PaperTeam
 from policies.registry import load
 from policies.training.curriculum import PROGRESS, check_start
 from policies.training.folder import LAST, STEP
+from policies.training.opponents import SELF
 from policies.training.record import Record
 from policies.training.reinforce import METRICS, Reinforcer
-from policies.training.reinforce_settings import SELF, ReinforceSettings
+from policies.training.reinforce_settings import ReinforceSettings
 from policies.training.training_run import TrainingRun
 from policies.training.trajectories import Outcome, RoundPlayer
 
@@ -59,6 +60,8 @@ class ReinforceRun(TrainingRun[ReinforceSettings]):
             raise InputError(f"ruleset {self.ruleset.name}: blue has no units to train")
         if settings.update_every < processes.n:
             raise InputError(f"update_every is {settings.update_every}; {processes.n} processes need a match each")
+        if settings.opponent != SELF:
+            load(settings.opponent)  # who is not there is refused before the run has a folder
         torch.manual_seed(settings.seed)
         network = PaperTeam(settings.window, settings.agents(n_units), settings.planes, settings.edge_code)
         if start:

@@ -1,5 +1,6 @@
 """The settings of a run of the paper's method: Table 3, and a switch wherever the paper can be read in more than one way."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -10,9 +11,9 @@ from arena.game.types import Code
 from policies.networks.checkpoint import MOST_AGENTS, MOST_WINDOW
 from policies.networks.first_person import WINDOW
 from policies.networks.models import SIGNED_PLANES
-from policies.training.settings import read_values
+from policies.training.opponents import SELF
+from policies.training.settings import MOST_SEED, check_range, read_values
 
-SELF = "self"
 READINGS = {
     "policies": ("shared", "each"),
     "reward": ("terminal", "stream", "differences"),
@@ -74,19 +75,15 @@ class ReinforceSettings:
         for name, words in READINGS.items():
             if getattr(self, name) not in words:
                 raise InputError(f"the setting {name} is {getattr(self, name)!r}; it must be one of {', '.join(words)}")
-        for name, least in {"update_every": 1, "buffer": 1, "batch": 2, "updates": 1, "warmup": 0, "window": 7}.items():
-            if getattr(self, name) < least:
-                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be at least {least}")
-        if self.window > MOST_WINDOW:
-            raise InputError(f"the setting window is {self.window}; it must be at most {MOST_WINDOW}")
-        for name, most in {"gamma": 1.0, "rate": 1.0}.items():
-            if not 0 < getattr(self, name) <= most:
-                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be above 0, and {most:g} at most")
-        if not -100 <= self.stall <= 100:
-            raise InputError(f"the setting stall is {self.stall}; it must be from -100 to 100, as scores are")
+        check_range(self, "seed", 0, MOST_SEED)
+        for name, least in {"update_every": 1, "buffer": 1, "batch": 2, "updates": 1, "warmup": 0}.items():
+            check_range(self, name, least, 10**9)
+        check_range(self, "window", 7, MOST_WINDOW)
+        for name in ("gamma", "rate"):
+            check_range(self, name, 0, 1, above=True)
+        check_range(self, "stall", -100, 100)  # as scores are
         for name in ("importance", "entropy"):
-            if not 0 <= getattr(self, name) < float("inf"):
-                raise InputError(f"the setting {name} is {getattr(self, name)}; it must be 0 or more")
+            check_range(self, name, 0, math.inf, below=True)
 
     def with_(self, assignments: Iterable[str]) -> "ReinforceSettings":
         """Return a copy with values such as "reward=stream" replaced."""

@@ -73,7 +73,6 @@ class Results:
 
     points: dict[str, list[float]] = field(default_factory=dict)
     ticks: list[int] = field(default_factory=list)
-    captures: int = 0
 
     def note(self, name: str, turn: StepResult, rows: NDArray[np.intp]) -> None:
         """Take in what ended in an opponent's rows."""
@@ -82,14 +81,12 @@ class Results:
             winner = int(turn.winner[row])
             mine.append(0.5 if winner < 0 else float(winner == Team.BLUE))
             self.ticks.append(int(turn.ticks[row]))
-            self.captures += int(turn.ending[row] == Termination.CAPTURE and winner == Team.BLUE)
 
     def add(self, other: "Results") -> None:
         """Take in the results of other rows."""
         for name, points in other.points.items():
             self.points.setdefault(name, []).extend(points)
         self.ticks.extend(other.ticks)
-        self.captures += other.captures
 
 
 class LearnerSeats:
@@ -106,14 +103,6 @@ class LearnerSeats:
         self._red = Encoder(ruleset, Team.RED, n_red) if n_red else None
         self._orders = {team: np.zeros((env.n_games, len(ruleset.team(team))), np.int8) for team in Team}
         self._score = np.zeros(env.n_games, np.int32)
-
-    def restart(self) -> None:
-        """Forget all; the environment began anew in every row."""
-        self._blue.start(np.arange(self.env.n_games))
-        if self._red is not None:
-            self._red.start(np.arange(len(self.opponents.self_rows)))
-        self.opponents.start(np.ones(self.env.n_games, np.bool_))
-        self._score[:] = 0
 
     def look(self, seen: dict[Team, Observations]) -> tuple[Encoded, NDArray[np.uint64]]:
         """Return all seats encoded, blue's first, and each one's seed."""
@@ -148,7 +137,7 @@ class LearnerSeats:
         self._blue.start(np.flatnonzero(turn.has_ended))
         if self._red is not None:
             self._red.start(np.flatnonzero(turn.has_ended[rows]))
-        self.opponents.start(turn.has_ended)
+        self.opponents.start(turn)
         for name, mine in self.opponents.rows.items():
             results.note(name, turn, mine)
         if len(rows):

@@ -1,6 +1,7 @@
 """Settings of any method: read from what a user wrote or a run's folder holds."""
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
@@ -8,6 +9,7 @@ from typing import Any, TypeVar, get_type_hints
 from arena.errors import InputError, UnknownNameError
 
 Kind = TypeVar("Kind")
+MOST_SEED = 2**32 - 1
 
 
 def read_kept(path: Path, missing: str) -> dict[str, Any]:
@@ -49,6 +51,39 @@ def read_values(kind: type[Kind], values: Mapping[str, Any]) -> Kind:
             expected = {str: "text", bool: "true or false"}.get(wanted, "a number")
             raise InputError(f"the setting {name} is {value!r}; it must be {expected}")
     return kind(**checked)
+
+
+def check_range(
+    settings: object, name: str, low: float, high: float = math.inf, *, above: bool = False, below: bool = False
+) -> None:
+    """Refuse a number of some settings that is none, or lies outside of a range.
+
+    Parameters
+    ----------
+    above, below
+        Whether the number must differ from `low`, and from `high`.
+
+    Raises
+    ------
+    InputError
+        It does.
+    """
+    value = getattr(settings, name)
+    is_high_enough = low < value if above else low <= value
+    is_low_enough = value < high if below else value <= high
+    if not (is_high_enough and is_low_enough):  # so written, what is not a number is refused, too
+        least = f"{'above' if above else 'at least'} {low:,}"
+        most = f" and {'below' if below else 'at most'} {high:,}"
+        if math.isinf(high):
+            most = " and finite" if below else ""
+        raise InputError(f"the setting {name} is {value}; it must be {least}{most}")
+
+
+def check_shares(name: str, shares: Mapping[str, float]) -> None:
+    """Refuse shares that are no numbers from 0 on."""
+    for one, share in shares.items():
+        if not 0 <= share < math.inf:
+            raise InputError(f"the setting {name}.{one} is {share}; it must be a share, which is a number from 0 on")
 
 
 def merge_shares(name: str, old: Mapping[str, float], new: Any) -> dict[str, float]:

@@ -25,10 +25,10 @@ def read_start(path: Path, ruleset: Ruleset, fresh: TeamNetwork) -> TeamNetwork:
     network = _network_of(checkpoint, path, "start from")
     shape = network.shape
     if shape != fresh.shape:
-        raise InputError(
-            f"cannot start from {path}: its network is of {shape}; the settings ask for {fresh.shape}"
-            f" (try --set channels={shape.channels} --set blocks={shape.blocks})"
-        )
+        way_out = f"try --set channels={shape.channels} --set blocks={shape.blocks}"
+        if (shape.channels, shape.blocks) == (fresh.shape.channels, fresh.shape.blocks):
+            way_out = "no setting changes the rest; begin with another"
+        raise InputError(f"cannot start from {path}: its network is of {shape}; the settings ask for {fresh.shape} ({way_out})")
     if checkpoint.manifest.ruleset_hash != ruleset.hash:
         raise InputError(
             f"cannot start from {path}: it was trained on ruleset {checkpoint.manifest.ruleset}, not on {ruleset.name} of today"

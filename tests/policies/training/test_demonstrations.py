@@ -2,9 +2,11 @@
 
 import csv
 import multiprocessing
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,10 +18,11 @@ from policies.networks.checkpoint import describe, load_checkpoint, save_checkpo
 from policies.networks.features import ONE, Plane
 from policies.networks.models import PaperTeam, TeamNetwork
 from policies.registry import shipped
+from policies.training import demonstrate as demonstrating
 from policies.training.budget import Budget
 from policies.training.demonstrate import DemonstrationSettings, Demonstrator, check, demonstrate, demonstrate_alone
-from policies.training.demonstrations import CERTAIN, UNKNOWN, DemonstrationFolder, mirrored, read
-from policies.training.distil_run import DistilRun
+from policies.training.demonstrations import CERTAIN, UNKNOWN, DemonstrationFolder, Demonstrations, File, mirrored, read
+from policies.training.distil_run import DistilRun, choose_unseen
 from policies.training.distil_settings import DistilSettings
 from policies.training.folder import LAST, METRICS, RunFolder
 from policies.training.gradients import TrainingError
@@ -31,10 +34,10 @@ EASY = DemonstrationSettings(teacher="rush", games=4, opponents={"self": 0.5, "p
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> DemonstrationFolder:
-    """Two files of `rush` against itself and `patrol`."""
+    """Three files of `rush` against itself and `patrol`; the second is not learned from."""
     folder = DemonstrationFolder(tmp_path_factory.mktemp("data"))
     folder.open_for(asdict(EASY), PAPER)
-    for sitting in range(2):
+    for sitting in range(3):
         demonstrate_alone(folder, EASY, 0, sitting, 6, lambda: False)
     return folder
 
@@ -115,7 +118,13 @@ def test_processes_of_their_own_make_demonstrations_until_they_are_stopped_and_t
     def make(n: int, stop: Callable[[], bool]) -> bool:
         return demonstrate(folder, settings, n, 1, lambda *_: None, stop)
 
-    assert not make(1_000_000, lambda: bool(folder.files()))
+    def end_all() -> bool:
+        """Send a request to end to all processes at once, as a job's manager does, when something was written."""
+        for worker in multiprocessing.active_children() if folder.files() else ():
+            worker.terminate()
+        return bool(folder.files())
+
+    assert not make(1_000_000, end_all)
     kept = folder.files()
     (folder.path / f".{kept[0].path.name}.77").write_bytes(b"half a file of somebody who was killed")
     assert all(len(read(file.path).outcome) == file.samples for file in kept)
@@ -128,6 +137,71 @@ def test_processes_of_their_own_make_demonstrations_until_they_are_stopped_and_t
     (folder.path / "demonstrations.json").write_text("[]")
     with pytest.raises(InputError, match=r"demonstrations\.json: it is not as it was written"):
         folder.check()
+
+
+class UnlikeSeats:
+    """Stands for a `Demonstrator` of five seats: in the first a match takes one tick, in the second two, and so on."""
+
+    def __init__(self, *_: object) -> None:
+        self.seats, self.tick = SimpleNamespace(n_seats=5), 0
+
+    def play_tick(self) -> Iterator[tuple[int, Demonstrations]]:
+        self.tick += 1
+        for seat in range(5):
+            if self.tick % (seat + 1) == 0:
+                yield seat, Demonstrations(*[np.full(seat + 1, seat)] * len(Demonstrations._fields))
+
+
+@pytest.mark.parametrize(("n_matches", "sitting", "kept"), [(10, 0, [2] * 5), (12, 7, [2, 3, 2, 2, 3]), (2, 0, [0, 0, 1, 0, 1])])
+def test_long_matches_are_kept_as_often_as_short_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, n_matches: int, sitting: int, kept: list[int]
+) -> None:
+    monkeypatch.setattr(demonstrating, "Demonstrator", UnlikeSeats)
+    folder = DemonstrationFolder(tmp_path)
+    demonstrate_alone(folder, replace(EASY, file_samples=7), 0, sitting, n_matches, lambda: False)
+    seats = np.concatenate([read(file.path).outcome for file in folder.files()])
+
+    assert [int((seats == seat).sum()) // (seat + 1) for seat in range(5)] == kept
+    assert sum(file.matches for file in folder.files()) == n_matches
+
+
+def test_files_are_listed_by_process_and_number(tmp_path: Path) -> None:
+    for name in ("10-00001-1-9", "2-100000-1-9", "2-99999-1-9", "2-00002-1-9"):
+        (tmp_path / f"{name}.npz").touch()
+
+    found = [(file.process, file.number) for file in DemonstrationFolder(tmp_path).files()]
+
+    assert found == [(2, 2), (2, 99_999), (2, 100_000), (10, 1)]
+
+
+def named(*numbers: tuple[int, int]) -> list[File]:
+    return [File(Path(f"{process}-{number}"), process, number, 1, 1) for process, number in numbers]
+
+
+def test_one_file_in_ten_is_not_learned_from_and_of_each_process_another() -> None:
+    files = named(*((process, number) for process in range(20) for number in range(1, 41)))
+    unseen = choose_unseen(files)
+
+    assert {file.number for file in unseen if file.process == 0} == {2, 12, 22, 32}
+    for number in range(1, 41):  # early or late, the same share is held out
+        assert sum(file.number == number for file in unseen) == 2
+    for process in range(20):
+        assert sum(file.process == process for file in unseen) == 4
+
+
+def test_a_folder_that_grows_moves_no_file_between_learned_and_unseen() -> None:
+    files = named(*((process, number) for number in range(1, 26) for process in range(3) if (process, number) != (0, 12)))
+    before: set[File] = set()
+    for n in range(len(files) + 1):
+        unseen = choose_unseen(files[:n])
+        assert unseen - before <= {files[n - 1]}
+        assert before <= unseen
+        before = unseen
+
+
+def test_where_a_file_was_deleted_the_next_one_is_unseen() -> None:
+    assert choose_unseen(named((0, 1), (0, 3), (0, 4))) == set(named((0, 3)))
+    assert choose_unseen(named((0, 1), (0, 2), (0, 3), (0, 4))) == set(named((0, 2)))
 
 
 def test_a_folder_that_is_deleted_meanwhile_is_one_sentence_and_ends_the_processes(
@@ -159,7 +233,7 @@ def learn(path: Path, data: DemonstrationFolder, stop: Callable[[], bool] = lamb
 def test_learning_from_demonstrations_brings_the_learner_to_agree_with_the_teacher(
     tmp_path: Path, data: DemonstrationFolder
 ) -> None:
-    run = learn(tmp_path / "run", data, passes=10.0, rate=1e-2, average=0.8, belief=1.0)
+    run = learn(tmp_path / "run", data, passes=16.0, rate=1e-2, average=0.8, belief=1.0)
     with (run.folder.path / METRICS).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
 
@@ -191,7 +265,8 @@ def test_demonstrations_of_several_rulesets_are_learned_from_together(tmp_path: 
     run.train(lambda: False)
 
     assert run.progress >= 1
-    assert run.counts.samples == data.files()[1].samples + alone.files()[1].samples  # the first files show how it fares
+    learned = [data.files()[0], data.files()[2], alone.files()[0]]  # the others show how it fares
+    assert run.counts.samples == sum(file.samples for file in learned)
 
 
 def test_a_gradient_that_is_not_finite_ends_the_run_before_the_step(tmp_path: Path, data: DemonstrationFolder) -> None:
@@ -259,6 +334,42 @@ def test_demonstrations_that_do_not_fit_are_refused_in_a_sentence(tmp_path: Path
     file.path.write_bytes(file.path.read_bytes()[: file.path.stat().st_size // 2])
     with pytest.raises(InputError, match="delete it, and the rest can be used"):
         read(file.path)
+
+
+def test_a_damaged_file_is_one_sentence_wherever_it_is_damaged(tmp_path: Path, data: DemonstrationFolder) -> None:
+    whole = data.files()[0].path.read_bytes()
+    file, rng, reasons = tmp_path / "damaged.npz", np.random.default_rng(0), set[type]()
+    damages = [b"", whole[:-1], *(whole[:at] + bytes(range(64)) + whole[at + 64 :] for at in rng.integers(len(whole), size=40))]
+    for damaged in damages:
+        file.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"^cannot read .+: .+; delete it, and the rest can be used$") as refusal:
+            read(file)
+        reasons.add(type(refusal.value.__cause__))
+
+    assert {zlib.error, EOFError} < reasons
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ("data=5", "the setting data is 5; it must be a list of folders"),
+        ("data=[1]", r"the setting data is \[1\]; it must be a list of folders"),
+        ("data='runs'", "the setting data is 'runs'; it must be a list of folders"),
+    ],
+)
+def test_data_that_is_no_list_of_folders_is_refused_in_a_sentence(change: str, reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        DistilSettings(data=["runs/seen"]).with_([change])
+
+
+def test_a_network_that_no_checkpoint_can_hold_is_refused_before_anything_is_made(
+    train: Callable[..., None], tmp_path: Path, data: DemonstrationFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        train("--method", "distil", "--data", data.path, "--out", tmp_path / "run", "--set", "channels=300")
+
+    assert "a network of channels=300 and blocks=3 would take " in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
 
 
 def test_the_commands_make_and_learn_from_the_same_folders(

@@ -116,6 +116,14 @@ def test_what_is_no_run_and_a_seed_that_comes_twice_are_refused(tmp_path: Path) 
         read_traces([tmp_path])
 
 
+def test_metrics_that_are_no_text_are_refused_in_a_sentence(tmp_path: Path) -> None:
+    leave_run(tmp_path / "run", "exp1", 1, [1.0])
+    (tmp_path / "run" / METRICS).write_bytes(b"step,episodes,score,captures\n1,10,\xff,0\n")
+
+    with pytest.raises(InputError, match=r"^cannot read .*metrics\.csv: "):
+        read_traces([tmp_path])
+
+
 def test_without_matplotlib_the_command_is_named(tmp_path: Path) -> None:
     leave_run(tmp_path / "run", "exp1", 1, [0.0] * 100)
     command = ["arena", "train", "figures", str(tmp_path / "run"), "--out", str(tmp_path / "out")]

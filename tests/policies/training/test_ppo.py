@@ -19,7 +19,7 @@ from policies.networks.models import PaperTeam, TeamNetwork, TeamShape
 from policies.training import opponents, ppo_run
 from policies.training.budget import Budget
 from policies.training.folder import METRICS, START, RunFolder
-from policies.training.methods import make_config
+from policies.training.methods import RunConfig, make_config, make_run
 from policies.training.opponents import prioritise
 from policies.training.parallel import Processes
 from policies.training.ppo import MOST_NORM, Learner
@@ -105,12 +105,97 @@ def test_the_weight_of_the_entropy_falls_to_what_is_to_be_left_of_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("setting", "reason"),
-    [("teacher_kl=-1", "teacher_kl"), ("teacher_share=0", "teacher_share"), ("entropy_left=2", "entropy_left")],
-)
-def test_a_weight_that_cannot_be_is_refused(setting: str, reason: str) -> None:
-    with pytest.raises(InputError, match=f"the setting {reason} is"):
+    ("setting", "wanted"),
+    [
+        ("teacher_kl=-1", "at least 0 and finite"), ("teacher_share=0", "above 0 and at most 1"),
+        ("entropy_left=2", "at least 0 and at most 1"), ("blocks=0", "at least 1 and at most 1,024"),
+        ("average=nan", "at least 0 and below 1"), ("average=1.0", "at least 0 and below 1"), ("rate=nan", "above 0"),
+        ("clone_rate=-1", "above 0"), ("clip=-1", "above 0"), ("seed=-1", "at least 0"), ("seed=100000000000000", "at least 0"),
+        ("gate_matches=10000000000000", "at least 1"), ("entropy=inf", "at least 0 and finite"),
+        ("opponents.rush=nan", "a share, which is a number from 0 on"),
+    ],
+)  # fmt: skip
+def test_a_number_that_cannot_be_is_refused(setting: str, wanted: str) -> None:
+    name = setting.partition("=")[0]
+    with pytest.raises(InputError, match=f"the setting {name} is .*; it must be {wanted}"):
         PpoSettings().with_([setting])
+
+
+@pytest.mark.parametrize("method", ["ppo", "reinforce"])
+def test_a_seed_that_no_generator_takes_is_refused(method: str) -> None:
+    with pytest.raises(InputError, match="the setting seed is 1"):
+        make_config(method, "", Budget(), rules=None, seed=10**20, assignments=[])
+
+
+@pytest.mark.parametrize("minutes", [float("nan"), float("inf"), 0.0])
+def test_minutes_that_are_no_time_are_refused(minutes: float) -> None:
+    with pytest.raises(InputError, match="it must be above 0 and finite"):
+        Budget(minutes=minutes)
+
+
+@pytest.mark.parametrize(
+    ("start", "settings"),
+    [
+        ("", replace(SETTINGS, opponents={"rsuh": 1.0})),
+        ("clone:rsuh", SETTINGS),
+        ("", ReinforceSettings(opponent="rsuh")),
+    ],
+)
+def test_who_is_not_there_is_refused_before_the_run_has_a_folder(
+    tmp_path: Path, start: str, settings: PpoSettings | ReinforceSettings
+) -> None:
+    config = RunConfig(method="", start=start, budget=Budget(samples=1), settings=settings)
+
+    with pytest.raises(ArenaError, match="rsuh"):
+        make_run(config, RunFolder(tmp_path / "run"), Processes(), lambda *_: None, "cpu")
+
+
+def test_where_red_has_no_units_the_metrics_tell_how_the_learner_fares_alone(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "run")
+    folder.create({})
+    settings = replace(SETTINGS, rules="exp1", opponents={"rush": 1.0}, horizon=120, minibatch=512)
+    PpoRun(folder, settings, "", Budget(samples=900), Processes(), lambda *_: None).train(lambda: False)
+
+    with (folder.path / METRICS).open(encoding="utf-8", newline="") as file:
+        last = list(csv.DictReader(file))[-1]
+    assert "score_rush" not in last
+    assert "newest" not in last
+    assert 0.5 <= float(last["score_nobody"]) <= 1
+    with pytest.raises(InputError, match="ruleset exp1 gives red no units, so nobody is met"):
+        make_config("ppo", "", Budget(), rules="exp1", seed=1, assignments=[], against="rush")
+
+
+def test_cloning_has_ended_for_good_once_anything_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that is killed right after the row of its last lesson goes on with what that lesson ended with."""
+    folder = RunFolder(tmp_path / "run")
+    folder.create({})
+
+    def make() -> PpoRun:
+        return PpoRun(folder, replace(SETTINGS, teacher_kl=0.1), "clone:rush", Budget(samples=400), Processes(), lambda *_: None)
+
+    killed = make()
+    note = killed._note
+
+    def note_and_die(*what: Any) -> None:
+        note(*what)
+        if killed.counts.cloned >= SETTINGS.clone_samples:
+            killed.save()
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(killed, "_note", note_and_die)
+    with pytest.raises(KeyboardInterrupt):
+        killed.train(lambda: False)
+    second = make()
+
+    started = load_checkpoint(folder.path / START).network.state_dict()
+    assert all(torch.equal(tensor, second.pool.start[name]) for name, tensor in started.items())
+
+
+def test_a_step_is_of_as_many_samples_as_the_settings_say() -> None:
+    parts = list(make_learner().minibatches(62, 24, torch.Generator()))
+
+    assert [len(part) for part in parts] == [21, 21, 20]
+    assert len(list(make_learner().minibatches(2, 1, torch.Generator()))) == 2
 
 
 def test_who_starts_from_nothing_has_no_teacher(tmp_path: Path) -> None:

@@ -124,6 +124,6 @@ def test_both_methods_learn_to_fetch_a_flag_that_nobody_guards(easy: str, tmp_pa
     with (folder.path / METRICS).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))[-10:]
     # Nobody can lose here: what is no capture is a draw.
-    captures = [float(row["captures"]) if method == "reinforce" else 2 * float(row["score_random"]) - 1 for row in rows]
+    captures = [float(row["captures"]) if method == "reinforce" else 2 * float(row["score_nobody"]) - 1 for row in rows]
 
     assert np.mean(captures) > 0.9
