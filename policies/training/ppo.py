@@ -6,6 +6,7 @@ surprising effectiveness of PPO in cooperative multi-agent games" (2022). What k
 Schmitt et al., "Kickstarting deep reinforcement learning" (2018): its divergence from the teacher's, with a weight that falls.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
@@ -60,6 +61,18 @@ class Schedule:
     shaping: float
     is_critic_only: bool
     teacher_kl: float
+
+
+def schedule(settings: PpoSettings, progress: float, rollouts: int) -> Schedule:
+    """Return what holds at a point of the run; `progress` is that of PPO, from 0 to 1."""
+    cosine = 0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))
+    return Schedule(
+        rate=settings.rate * (0.05 + 0.95 * cosine),
+        entropy=settings.entropy * max(1 - progress, settings.entropy_left),
+        shaping=settings.shaping * max(1 - 1.5 * progress, 0.0),
+        is_critic_only=rollouts < settings.critic_warmup,
+        teacher_kl=settings.teacher_kl * max(1 - progress / settings.teacher_share, 0.0),
+    )
 
 
 def estimate(experience: Experience, values: Tensor, schedule: Schedule, settings: PpoSettings) -> tuple[Tensor, Tensor]:

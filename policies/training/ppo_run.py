@@ -29,7 +29,7 @@ from policies.registry import load
 from policies.training.clone import Teacher, clone
 from policies.training.folder import LAST, START, STEP
 from policies.training.opponents import BEST, NOBODY, PAST, SELF, Newest, Opponents, Pool, assign, check_self_play, prioritise
-from policies.training.ppo import Learner, Schedule
+from policies.training.ppo import Learner, schedule
 from policies.training.ppo_settings import PpoSettings
 from policies.training.record import Record
 from policies.training.rollout import Actors, Experience, LearnerSeats, Results
@@ -69,18 +69,6 @@ class Rollout(NamedTuple):
     rules: str
     experience: Experience
     results: Results
-
-
-def schedule(settings: PpoSettings, progress: float, rollouts: int) -> Schedule:
-    """Return what holds at a point of the run; `progress` is that of PPO, from 0 to 1."""
-    cosine = 0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))
-    return Schedule(
-        rate=settings.rate * (0.05 + 0.95 * cosine),
-        entropy=settings.entropy * max(1 - progress, settings.entropy_left),
-        shaping=settings.shaping * max(1 - 1.5 * progress, 0.0),
-        is_critic_only=rollouts < settings.critic_warmup,
-        teacher_kl=settings.teacher_kl * max(1 - progress / settings.teacher_share, 0.0),
-    )
 
 
 class PpoRun(TrainingRun[PpoSettings]):

@@ -72,11 +72,13 @@ def check_range(
     is_high_enough = low < value if above else low <= value
     is_low_enough = value < high if below else value <= high
     if not (is_high_enough and is_low_enough):  # so written, what is not a number is refused, too
-        least = f"{'above' if above else 'at least'} {low:,}"
-        most = f" and {'below' if below else 'at most'} {high:,}"
         if math.isinf(high):
-            most = " and finite" if below else ""
-        raise InputError(f"the setting {name} is {value}; it must be {least}{most}")
+            wanted = (f"above {low:,}" if above else f"{low:,} or more") + (", and finite" if below else "")
+        elif above or below:
+            wanted = f"{'above' if above else 'at least'} {low:,} and {'below' if below else 'at most'} {high:,}"
+        else:
+            wanted = f"from {low:,} to {high:,}"
+        raise InputError(f"the setting {name} is {value}; it must be {wanted}")
 
 
 def check_shares(name: str, shares: Mapping[str, float]) -> None:
