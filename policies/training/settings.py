@@ -72,7 +72,9 @@ def check_range(
     is_high_enough = low < value if above else low <= value
     is_low_enough = value < high if below else value <= high
     if not (is_high_enough and is_low_enough):  # so written, what is not a number is refused, too
-        if math.isinf(high):
+        if isinstance(value, int):
+            wanted = f"at least {low:,}" if value < low else f"at most {high:,}"
+        elif math.isinf(high):
             wanted = (f"above {low:,}" if above else f"{low:,} or more") + (", and finite" if below else "")
         elif above or below:
             wanted = f"{'above' if above else 'at least'} {low:,} and {'below' if below else 'at most'} {high:,}"

@@ -108,10 +108,10 @@ def test_the_weight_of_the_entropy_falls_to_what_is_to_be_left_of_it() -> None:
     ("setting", "wanted"),
     [
         ("teacher_kl=-1", "0 or more"), ("teacher_share=0", "above 0 and at most 1"),
-        ("entropy_left=2", "from 0 to 1"), ("blocks=0", "from 1 to 1,024"),
+        ("entropy_left=2", "from 0 to 1"), ("blocks=0", "at least 1"),
         ("average=nan", "at least 0 and below 1"), ("average=1.0", "at least 0 and below 1"), ("rate=nan", "above 0"),
-        ("clone_rate=-1", "above 0"), ("clip=-1", "above 0"), ("seed=-1", "from 0"), ("seed=100000000000000", "from 0"),
-        ("gate_matches=10000000000000", "from 1 to 1,000,000"), ("entropy=inf", "0 or more"),
+        ("clone_rate=-1", "above 0"), ("clip=-1", "above 0"), ("seed=-1", "at least 0"), ("seed=100000000000000", "at most 4"),
+        ("gate_matches=10000000000000", "at most 1,000,000"), ("entropy=inf", "0 or more"),
         ("opponents.rush=nan", "a share, which is a number from 0 on"),
     ],
 )  # fmt: skip
@@ -210,7 +210,7 @@ def test_a_run_has_a_critic_of_the_size_that_its_settings_say(tmp_path: Path) ->
 
     trunk = run.learner.critic.trunk
     assert (trunk.stem.out_channels, len(trunk.blocks)) == (4, 0)
-    with pytest.raises(InputError, match="critic_channels is 0; it must be from 1 to 4,096"):
+    with pytest.raises(InputError, match="critic_channels is 0; it must be at least 1"):
         PpoSettings().with_(["critic_channels=0"])
 
 
