@@ -77,8 +77,6 @@ class DemonstrationSettings:
         check_range(self, "own", 0, 1)
         check_range(self, "temperature", 0, MOST_TEMPERATURE)
         check_shares("opponents", self.opponents)
-        if sum(self.opponents.values()) <= 0:
-            raise InputError("the setting opponents must give each a share, and one of them more than 0")
         if others := {BEST, PAST} & set(self.opponents):
             raise InputError(
                 f"the setting opponents names {', '.join(sorted(others))}, which PPO alone has; name a checkpoint's file"

@@ -105,8 +105,6 @@ class PpoSettings:
             check_range(self, name, 0, math.inf, below=True)
         check_range(self, "average", 0, 1, below=True)
         check_shares("opponents", self.opponents)
-        if sum(self.opponents.values()) <= 0:
-            raise InputError("the setting opponents must give each a share, and one of them more than 0")
         if strangers := set(self.teachers) - set(self.shares()):
             raise InputError(
                 f"the setting teachers names {', '.join(sorted(strangers))}; the run's rulesets are {', '.join(self.shares())}"

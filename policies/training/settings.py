@@ -84,10 +84,12 @@ def check_range(
 
 
 def check_shares(name: str, shares: Mapping[str, float]) -> None:
-    """Refuse shares that are no numbers from 0 on."""
+    """Refuse shares that are no numbers from 0 on, or all 0."""
     for one, share in shares.items():
         if not 0 <= share < math.inf:
             raise InputError(f"the setting {name}.{one} is {share}; it must be a share, which is a number from 0 on")
+    if not any(shares.values()):
+        raise InputError(f"the setting {name} must give each a share, and one of them more than 0")
 
 
 def merge_shares(name: str, old: Mapping[str, float], new: Any) -> dict[str, float]:
