@@ -24,6 +24,8 @@ _NEXT_S = {"BelievingPolicy": 9.0, "UnitByUnit": 3.0, "Planner": 0.1}
 _CALLS = {"Planner": "BelievingPolicy"}
 """Families that call what another shares: they are compiled after its first fighter, or compile that, too."""
 _NETWORK_S = 25.0
+_READS = {"champion": ("BelievingPolicy", "Planner")}
+"""Families whose kernels a network calls; others call those of the first."""
 
 
 def precompile(make: BatchFactory) -> None:
@@ -64,8 +66,10 @@ def fighter_kernels(specs: Iterable[str]) -> "list[Kernel]":
                 seconds = _FIRST_S.get(family, 6.0) + (0.0 if called in stages else _FIRST_S.get(called, 0.0))
             kernels.append(Kernel(name=spec, run=partial(_prepare, spec), seconds=seconds, stage=stage))
         elif _is_network(spec):
-            stage = int("BelievingPolicy" in stages)  # whose belief it reads
-            kernels.append(Kernel(name=spec, run=partial(_prepare, spec), seconds=_NETWORK_S, stage=stage))
+            read: tuple[str, ...] = _READS.get(spec, ("BelievingPolicy",))
+            stage = max((stages[family] + 1 for family in read if family in stages), default=0)
+            seconds = _NETWORK_S + sum(_FIRST_S[family] for family in read[1:] if family not in stages)
+            kernels.append(Kernel(name=spec, run=partial(_prepare, spec), seconds=seconds, stage=stage))
     return kernels
 
 

@@ -54,7 +54,8 @@ REFERENCES = {
 """Cheats: the local venue shows them the whole board. They are never rated, and no other venue seats them."""
 CHECKPOINT = ".safetensors"
 TRAINED = {
-    "champion": "The strongest network: one pass over the board for all units, taught by scripts, itself and `planner-fast`.",
+    "champion": "A network that says what a plan is worth, and chooses among some fifty a tick: taught by playouts.",
+    "reflex": "A network that orders straight away, in one pass for all units: taught by scripts, itself and `planner-fast`.",
     "paper": "The network of the paper, trained by the paper's method: what the arena began with, and easily beaten.",
 }
 """What the trained fighters that come with the arena are."""
@@ -93,9 +94,7 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
         return fighter
     if spec.endswith(CHECKPOINT) or spec in shipped():
         with needs("learned", f"the fighter {spec}"):  # torch takes a second to import: only a network's player waits for it
-            from policies.networks.learned import load_learned
-
-        return load_learned(Path(spec) if spec.endswith(CHECKPOINT) else shipped()[spec])
+            return _load_checkpoint(Path(spec) if spec.endswith(CHECKPOINT) else shipped()[spec])
     if spec in _installed():
         return make_factory(spec, _loaded(_installed()[spec]))
     if spec in NOT_PACKAGED:
@@ -103,6 +102,19 @@ def load(spec: str, *, cheats: bool = False) -> BatchFactory:
     if S_ISDIR(mode_of(Path(spec))):
         raise PolicyError(f"{spec} is a folder; name the bot's file in it, as in {Path(spec) / 'bot.py'}")
     raise UnknownNameError("policy", spec, names())
+
+
+def _load_checkpoint(path: Path) -> BatchFactory:
+    from policies.networks.appraiser import Appraiser
+    from policies.networks.checkpoint import load_checkpoint
+    from policies.networks.learned import load_learned
+
+    checkpoint = load_checkpoint(path)
+    if isinstance(checkpoint.network, Appraiser):
+        from policies.search.strategist import load_strategist
+
+        return load_strategist(checkpoint, path)
+    return load_learned(checkpoint, path)
 
 
 def split_settings(spec: str) -> tuple[str, str]:

@@ -10,7 +10,8 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from arena.envs.batched import BatchedEnv
 from arena.game.ruleset import load as load_rules
-from policies.networks.models import Critic, TeamNetwork, TeamShape, channels_last
+from policies.networks.judges import Critic
+from policies.networks.models import TeamNetwork, TeamShape, channels_last
 from policies.training.opponents import Opponents
 from policies.training.parallel import Processes
 from policies.training.ppo import Learner, Schedule

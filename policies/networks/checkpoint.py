@@ -6,6 +6,7 @@ Loading a stranger's file runs no code. A file that does not fit is refused with
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from arena.errors import ArenaError, InputError, PolicyError
 from arena.files import check_file
 from arena.game.ruleset import Ruleset
 from arena.game.types import Code
+from policies.networks.appraiser import Appraiser, AppraiserShape
 from policies.networks.features import FEATURES_VERSION
 from policies.networks.first_person import WINDOW
 from policies.networks.models import SIGNED_PLANES, PaperTeam, TeamNetwork, TeamShape
@@ -33,7 +35,10 @@ MOST_AGENTS = 16
 MOST_WINDOW = 64
 MOST_SIZE = 1024
 """Of a team's network: channels, blocks, and the rest."""
-KINDS = ("team", "paper")
+PAPER = "paper"
+_OF_TEAMS = {"team": (TeamShape, TeamNetwork), "appraiser": (AppraiserShape, Appraiser)}
+"""Networks that see `features`, and their sizes."""
+KINDS = (*_OF_TEAMS, PAPER)
 _KEY = "arena"
 _MANIFEST_BYTES = 65_536
 """Room for all that stands before the tensors."""
@@ -50,7 +55,7 @@ class Manifest:
     network: str
     """One of `KINDS`."""
     shape: dict[str, int]
-    """Sizes of the network: those of `networks.TeamShape`, or the arguments of `networks.PaperTeam`."""
+    """Sizes of the network: those of `TeamShape` or `AppraiserShape`, or the arguments of `PaperTeam`."""
     features: int
     """`features.FEATURES_VERSION` of the planes that it was trained on."""
     ruleset: str
@@ -79,12 +84,14 @@ def build_network(kind: str, shape: Mapping[str, int]) -> nn.Module:
     ValueError
         There is no such kind, or its sizes are others.
     """
-    sizes = {"edge": Code.HIDDEN, **shape} if kind == "paper" else dict(shape)  # checkpoints did not always say the edge
-    if kind == "team" and set(sizes) <= set(asdict(TeamShape())):
-        team = TeamShape(**sizes)
-        if all(_is_size(size) for size in asdict(team).values()) and team.patch % 2:
-            return TeamNetwork(team)
-    elif kind == "paper" and set(sizes) == {"window", "agents", "planes", "edge"}:
+    sizes = {"edge": Code.HIDDEN, **shape} if kind == PAPER else dict(shape)  # checkpoints did not always say the edge
+    if kind in _OF_TEAMS:
+        make_shape, make = _OF_TEAMS[kind]
+        with suppress(TypeError):  # a size that there is not, or one that is missing
+            team = make_shape(**sizes)
+            if all(_is_size(size) for size in asdict(team).values()) and team.patch % 2:
+                return make(team)
+    elif kind == PAPER and set(sizes) == {"window", "agents", "planes", "edge"}:
         is_known = all(_is_whole(size) for size in sizes.values())
         is_known = is_known and sizes["planes"] in (1, len(SIGNED_PLANES), len(Code))
         is_known = is_known and sizes["edge"] in (Code.HIDDEN, Code.OBSTACLE)
@@ -108,8 +115,10 @@ def shape_of(network: nn.Module) -> tuple[str, dict[str, int]]:
     """Return the kind and the sizes of a network."""
     if isinstance(network, TeamNetwork):
         return "team", asdict(network.shape)
+    if isinstance(network, Appraiser):
+        return "appraiser", asdict(network.shape)
     if isinstance(network, PaperTeam):
-        return "paper", {"window": network.window, "agents": network.agents, "planes": network.planes, "edge": network.edge}
+        return PAPER, {"window": network.window, "agents": network.agents, "planes": network.planes, "edge": network.edge}
     raise ValueError(f"{type(network).__name__} is no network that a checkpoint can hold")
 
 
@@ -131,9 +140,10 @@ def check_size(shape: TeamShape) -> None:
         A size is out of bounds, or a checkpoint would be larger than one may be.
     """
     asked = f"a network of channels={shape.channels} and blocks={shape.blocks}"
+    kind = next(kind for kind, (make_shape, _) in _OF_TEAMS.items() if type(shape) is make_shape)
     try:
         with torch.device("meta"):  # takes no memory
-            weights = build_network("team", asdict(shape)).state_dict()
+            weights = build_network(kind, asdict(shape)).state_dict()
     except ValueError as error:
         raise InputError(f"{asked} cannot be kept in a checkpoint; no size may be above {MOST_SIZE:,}") from error
     n_bytes = _MANIFEST_BYTES + torch.float32.itemsize * sum(tensor.numel() for tensor in weights.values())
@@ -210,7 +220,7 @@ def read_manifest(path: Path) -> Manifest:
 
 
 def _most_bytes(manifest: Manifest) -> int:
-    agents, window = (manifest.shape.get(name) for name in ("agents", "window")) if manifest.network == "paper" else (1, WINDOW)
+    agents, window = (manifest.shape.get(name) for name in ("agents", "window")) if manifest.network == PAPER else (1, WINDOW)
     n_policies = agents if isinstance(agents, int) and 1 <= agents <= MOST_AGENTS else 1
     side = window if isinstance(window, int) and WINDOW <= window <= MOST_WINDOW else WINDOW
     dense = ((side - 6) / (WINDOW - 6)) ** 2
@@ -226,7 +236,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         The file does not fit; the sentence says why.
     """
     manifest = read_manifest(path)
-    if manifest.network == "team" and manifest.features != FEATURES_VERSION:
+    if manifest.network in _OF_TEAMS and manifest.features != FEATURES_VERSION:
         raise PolicyError(
             f"the checkpoint {path} was trained on features of version {manifest.features}; this arena has version "
             f"{FEATURES_VERSION}"

@@ -17,7 +17,7 @@ from arena.game.types import Action, Team
 from arena.jit import jit
 from arena.policy import BatchPolicy, Orders
 from policies.chance import draw
-from policies.networks.checkpoint import Checkpoint, load_checkpoint
+from policies.networks.checkpoint import Checkpoint
 from policies.networks.features import UPSIDE_DOWN, Encoded, Encoder, upside_down
 from policies.networks.first_person import FirstPerson, turn_upside_down
 from policies.networks.models import Net, PaperTeam, TeamNetwork, channels_last
@@ -212,18 +212,11 @@ class LearnedFactory:
         network = self.checkpoint.network
         if isinstance(network, PaperTeam):
             return LearnedUnits(ruleset, team, n_seats, network=network, play=self.play)
-        assert isinstance(network, TeamNetwork)  # `build_network` knows no other
+        assert isinstance(network, TeamNetwork)  # the caller has looked
         return LearnedTeam(ruleset, team, n_seats, network=network, play=self.play)
 
 
-def load_learned(path: Path) -> LearnedFactory:
-    """Return the fighter of a checkpoint.
-
-    Raises
-    ------
-    PolicyError
-        The file does not fit.
-    """
+def load_learned(checkpoint: Checkpoint, path: Path) -> LearnedFactory:
+    """Return the fighter of a checkpoint of a network that gives orders itself."""
     limit_threads()
-    checkpoint = load_checkpoint(path)
     return LearnedFactory(checkpoint, checkpoint.manifest.play, path.stem)

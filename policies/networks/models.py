@@ -15,10 +15,6 @@ from arena.game.types import FLAGS, HALVES, UAVS, UGVS, Code
 from policies.networks.features import FIRST_DISTANCE, N_PLANES, N_SCALARS, ONE
 
 N_ACTIONS = 5
-N_TRUTH_PLANES = 5
-"""Planes of the true state that only training sees; see `policies.training.truth`."""
-N_ENEMY_PLANES = 2
-"""The first of them: the enemy's units on foot, and in the air."""
 SIGNED_PLANES: tuple[tuple[Code, ...], ...] = ((Code.HIDDEN,), HALVES, UGVS, UAVS, FLAGS, (Code.OBSTACLE,))
 """The codes of each of six planes: the first shows as 1; the second, the enemy's, as -1."""
 _INDEX_LETTERS = 8
@@ -99,14 +95,63 @@ def summarise(board: Tensor) -> Tensor:
     return torch.cat([board.mean((2, 3)), board.amax((2, 3))], 1)
 
 
+def planes_around(values: Tensor, cell: Tensor, patch: int) -> Tensor:
+    """Return the planes in the square around each unit, distances as differences in steps; shape (n, units, patch**2 * planes).
+
+    Parameters
+    ----------
+    values
+        Planes as `TeamNetwork.look` returns them.
+    cell
+        int64, shape (n, units).
+    patch
+        Side of the square, in cells; odd.
+    """
+    n, side, _, n_planes = values.shape
+    reach = patch // 2
+    wide = side + 2 * reach
+    padded = functional.pad(values, (0, 0, reach, reach, reach, reach)).view(n, wide * wide, n_planes)
+    offsets = (torch.arange(patch, device=cell.device)[:, None] * wide + torch.arange(patch, device=cell.device)).view(-1)
+    corner = cell // side * wide + cell % side
+    seats = torch.arange(n, device=cell.device)[:, None, None]
+    near = padded[seats, corner[:, :, None] + offsets]
+    distances = near[..., FIRST_DISTANCE:]
+    centre = distances[:, :, patch * patch // 2, None]
+    near[..., FIRST_DISTANCE:] = ((distances - centre) * 8).clamp(-4, 4)
+    return near.flatten(2)
+
+
+def features_around(board: Tensor, cell: Tensor) -> Tensor:
+    """Return the trunk's features of each unit's cell, the whole board in summary, and the unit's index.
+
+    Returns
+    -------
+    Tensor
+        Shape (n, units, n_around(channels)).
+    """
+    n, channels, half, _ = board.shape
+    n_units, side = cell.shape[1], 2 * half
+    row, column = cell // side, cell % side
+    flat = board.permute(0, 2, 3, 1).reshape(n, half * half, channels)
+    here = flat.gather(1, (row // 2 * half + column // 2)[:, :, None].expand(-1, -1, channels))
+    corner = functional.one_hot(row % 2 * 2 + column % 2, 4).to(board.dtype)
+    index = torch.arange(n_units, device=cell.device) % _INDEX_LETTERS
+    letter = functional.one_hot(index, _INDEX_LETTERS).to(board.dtype).expand(n, -1, -1)
+    return torch.cat([here, summarise(board)[:, None].expand(-1, n_units, -1), corner, letter], -1)
+
+
+def n_around(channels: int) -> int:
+    """Return how many numbers `features_around` tells of a unit."""
+    return 3 * channels + 4 + _INDEX_LETTERS
+
+
 class _Head(nn.Module):
     """From what surrounds a unit to its actions."""
 
     def __init__(self, shape: TeamShape) -> None:
         super().__init__()
-        n_around = 3 * shape.channels + 4 + _INDEX_LETTERS
         self.near = nn.Linear(shape.patch**2 * N_PLANES, shape.local)
-        self.mix = nn.Linear(n_around + shape.local, shape.hidden)
+        self.mix = nn.Linear(n_around(shape.channels) + shape.local, shape.hidden)
         self.out = nn.Linear(shape.hidden, N_ACTIONS)
         nn.init.normal_(self.out.weight, std=0.01)
         nn.init.zeros_(self.out.bias)
@@ -162,98 +207,13 @@ class TeamNetwork(nn.Module):
 
     def decide(self, values: Tensor, board: Tensor, cell: Tensor, legal: Tensor, n_walkers: int) -> Tensor:
         """Return logits as `forward`, of what `look` returned."""
-        near, around = self._near(values, cell), self._around(board, cell)
+        near, around = planes_around(values, cell, self.shape.patch), features_around(board, cell)
         parts = []
         if n_walkers:
             parts.append(self.walkers(near[:, :n_walkers], around[:, :n_walkers]))
         if n_walkers < cell.shape[1]:
             parts.append(self.flyers(near[:, n_walkers:], around[:, n_walkers:]))
         return torch.cat(parts, 1).float().masked_fill(legal == 0, NEVER)
-
-    def _near(self, values: Tensor, cell: Tensor) -> Tensor:
-        """Return the planes around each unit, distances as differences in steps; shape (n, units, patch * patch * planes)."""
-        n, side, _, n_planes = values.shape
-        reach, size = self.shape.patch // 2, self.shape.patch
-        wide = side + 2 * reach
-        padded = functional.pad(values, (0, 0, reach, reach, reach, reach)).view(n, wide * wide, n_planes)
-        offsets = (torch.arange(size, device=cell.device)[:, None] * wide + torch.arange(size, device=cell.device)).view(-1)
-        corner = cell // side * wide + cell % side
-        seats = torch.arange(n, device=cell.device)[:, None, None]
-        near = padded[seats, corner[:, :, None] + offsets]
-        distances = near[..., FIRST_DISTANCE:]
-        centre = distances[:, :, size * size // 2, None]
-        near[..., FIRST_DISTANCE:] = ((distances - centre) * 8).clamp(-4, 4)
-        return near.flatten(2)
-
-    def _around(self, board: Tensor, cell: Tensor) -> Tensor:
-        n, channels, half, _ = board.shape
-        n_units, side = cell.shape[1], 2 * half
-        row, column = cell // side, cell % side
-        flat = board.permute(0, 2, 3, 1).reshape(n, half * half, channels)
-        here = flat.gather(1, (row // 2 * half + column // 2)[:, :, None].expand(-1, -1, channels))
-        corner = functional.one_hot(row % 2 * 2 + column % 2, 4).to(board.dtype)
-        index = torch.arange(n_units, device=cell.device) % _INDEX_LETTERS
-        letter = functional.one_hot(index, _INDEX_LETTERS).to(board.dtype).expand(n, -1, -1)
-        return torch.cat([here, summarise(board)[:, None].expand(-1, n_units, -1), corner, letter], -1)
-
-
-class Judge(nn.Module):
-    """Who wins, judged by what a team sees, from the trunk of its network: an auxiliary task of training, never in a seat."""
-
-    def __init__(self, shape: TeamShape) -> None:
-        super().__init__()
-        self.mix = nn.Linear(2 * shape.channels + N_SCALARS, 64)
-        self.out = nn.Linear(64, 1)
-
-    def forward(self, board: Tensor, scalars: Tensor) -> Tensor:
-        """Return the value of each seat, float32, shape (n,), of the features of `TeamNetwork.look`."""
-        hidden = functional.relu(self.mix(torch.cat([summarise(board), scalars.to(board.dtype)], 1)))
-        return cast(Tensor, self.out(hidden)).float().squeeze(1)
-
-
-class Locator(nn.Module):
-    """Where the enemy's units are, seen or not, told from the trunk: an auxiliary task of training, never in a seat."""
-
-    def __init__(self, shape: TeamShape) -> None:
-        super().__init__()
-        self.out = nn.Conv2d(shape.channels, 4 * N_ENEMY_PLANES, 1)
-
-    def forward(self, board: Tensor) -> Tensor:
-        """Return a logit of each cell, float32, shape (n, cells, N_ENEMY_PLANES), of the features of `TeamNetwork.look`."""
-        n, _, half, _ = board.shape
-        cells = self.out(board).float().view(n, 2, 2, N_ENEMY_PLANES, half, half).permute(0, 4, 1, 5, 2, 3)
-        return cast(Tensor, cells.reshape(n, 4 * half * half, N_ENEMY_PLANES))
-
-
-class Critic(nn.Module):
-    """Who wins, judged by both sides' truth: for training only, never in a seat."""
-
-    def __init__(self, channels: int = 32, blocks: int = 2) -> None:
-        super().__init__()
-        self.trunk = Trunk(N_PLANES + N_TRUTH_PLANES, channels, blocks)
-        self.mix = nn.Linear(2 * channels + N_SCALARS, 128)
-        self.out = nn.Linear(128, 1)
-
-    def forward(self, planes: Tensor, truth: Tensor, scalars: Tensor) -> Tensor:
-        """Return the value of each seat.
-
-        Parameters
-        ----------
-        planes
-            As `TeamNetwork.forward`.
-        truth
-            uint8, shape (n, side, side, N_TRUTH_PLANES).
-
-        Returns
-        -------
-        Tensor
-            float32, shape (n,).
-        """
-        kind = self.trunk.stem.weight.dtype
-        whole = scalars.to(kind)
-        board = self.trunk(torch.cat([planes, truth], 3).to(kind) * (1 / ONE), whole)
-        hidden = functional.relu(self.mix(torch.cat([summarise(board), whole], 1)))
-        return cast(Tensor, self.out(hidden)).float().squeeze(1)
 
 
 class PaperNetwork(nn.Module):

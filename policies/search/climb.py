@@ -34,10 +34,12 @@ _TEAMS = (
 _TEAM_ROLES = np.array(_TEAMS, np.int64)
 TRIALS = PRESETS + len(_TEAMS)
 """First row of what is tried for one unit."""
-_WALKS = np.array((ATTACK, RUSH, GUARD, HUNT, HOLD, CHASE), np.int64)
-_FLIES = np.array((SCOUT, WATCH, FOLLOW), np.int64)
+WALKS = np.array((ATTACK, RUSH, GUARD, HUNT, HOLD, CHASE), np.int64)
+"""Roles that are tried for a unit on foot."""
+FLIES = np.array((SCOUT, WATCH, FOLLOW), np.int64)
+"""And for one that flies."""
 _N_ACTIONS, _N_GOALS = len(Action), 3
-N_PLANS = TRIALS + _N_ACTIONS + len(_WALKS) + _N_GOALS
+N_PLANS = TRIALS + _N_ACTIONS + len(WALKS) + _N_GOALS
 """Rows that plans need."""
 _WALK_CELLS, _FLY_CELLS = 6, 12
 """How far off goals are drawn, to either side."""
@@ -112,8 +114,7 @@ def climb(me: int, plans: Plans, bench: Bench, effort: Effort, seed: np.uint64, 
     """
     few, more, most = effort.few, effort.more, effort.most
     spent = 0
-    for team in range(_TEAM_ROLES.shape[0]):
-        _write_preset(me, team, plans, bench)
+    write_presets(me, plans, bench)
     for plan in range(TRIALS):
         plans.n_tried[plan] = 0
     best, top = BLUEPRINT, -1.0
@@ -216,7 +217,7 @@ def _write_trials(unit: int, me: int, plans: Plans, bench: Bench, effort: Effort
             copy_plan(BEST, plans, plan, plans)
             plans.first[plan, unit] = action
             plan += 1
-    for role in _WALKS if walks else _FLIES:
+    for role in WALKS if walks else FLIES:
         if effort.tries_roles and (role != plans.role[BEST, unit] or plans.first[BEST, unit] != FROM_ROLE):
             copy_plan(BEST, plans, plan, plans)
             plans.first[plan, unit], plans.role[plan, unit] = FROM_ROLE, role
@@ -231,6 +232,13 @@ def _write_trials(unit: int, me: int, plans: Plans, bench: Bench, effort: Effort
         plans.goal[plan, unit] = ways.open[goal] if walks else goal
         plan += 1
     return plan
+
+
+@jit()
+def write_presets(me: int, plans: Plans, bench: Bench) -> None:
+    """Write the presets of the whole team, in the rows from `PRESETS` on."""
+    for team in range(_TEAM_ROLES.shape[0]):
+        _write_preset(me, team, plans, bench)
 
 
 @jit()

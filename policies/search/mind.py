@@ -75,12 +75,9 @@ class Mind:
         pool
             Carries the lines of thought, if there are several.
         """
-        last_orders = self._orders[0].copy()
-        self.blueprint.act(observations, self._orders)
-        self.taken = BLUEPRINT
-        self._has_thought = effort.budget > 0
+        self.take_in(observations, effort)
         if self._has_thought:
-            self._think(observations, effort, pool, last_orders)
+            self._think(effort, pool)
         orders: NDArray[np.int8] = self._orders[0]
         return orders
 
@@ -112,13 +109,24 @@ class Mind:
         chances[everyone, best] += is_better
         return chances
 
-    def _think(
-        self, observations: Observations, effort: Effort, pool: ThreadPoolExecutor | None, last_orders: NDArray[np.int8]
-    ) -> None:
+    def _think(self, effort: Effort, pool: ThreadPoolExecutor | None) -> None:
+        effort = effort.within(self.plans[0].value.shape[1])
+        self._climb(effort, pool, self._seed)
+        self.carry_out(BEST if is_sure(BEST, self.plans[0], effort) else BLUEPRINT)
+
+    def take_in(self, observations: Observations, effort: Effort) -> None:
+        """Let the worlds that may be go on with what the seat is shown, and write the blueprint's orders as a plan."""
+        last_orders = self._orders[0].copy()
+        self.blueprint.act(observations, self._orders)
+        self.taken, self._has_thought = BLUEPRINT, effort.budget > 0
+        if self._has_thought:
+            self._follow(observations, effort, last_orders)
+
+    def _follow(self, observations: Observations, effort: Effort, last_orders: NDArray[np.int8]) -> None:
         sight, belief, me, bench = sight_of(observations), self.blueprint.belief, int(self._team), self.benches[0]
         seed, plans, is_first = observations.seed[0], self.plans[0], self._walkable is None
         self._seed = seed
-        is_drawn, effort = is_first or not effort.filters, effort.within(plans.value.shape[1])
+        is_drawn = is_first or not effort.filters
         if self._walkable is None or (belief.walkable[0] != self._walkable).any():
             self._walkable = belief.walkable[0].copy()
             find_ways(belief, self._ruleset.side, bench.tables, bench.ways)
@@ -132,12 +140,16 @@ class Mind:
         self._write_blueprint()
         if is_first:
             copy_plan(BLUEPRINT, plans, LAST, plans)
-        self._climb(effort, pool, seed)
-        if is_sure(BEST, plans, effort):
-            self.taken = BEST
-        write_first_orders(me, self.taken, plans, bench, seed ^ _CHANCE, self._orders[0])  # the blueprint's stay as they are
+
+    def carry_out(self, plan: int) -> NDArray[np.int8]:
+        """Return the orders of a plan, as `act` does; the plan that the next tick remembers is `BEST`."""
+        plans, bench = self.plans[0], self.benches[0]
+        self.taken = plan
+        write_first_orders(int(self._team), plan, plans, bench, self._seed ^ _CHANCE, self._orders[0])
         copy_plan(BEST, plans, LAST, plans)
         plans.first[LAST] = FROM_ROLE
+        orders: NDArray[np.int8] = self._orders[0]
+        return orders
 
     def _write_blueprint(self) -> None:
         """Write the blueprint's orders as a plan, to be gone on with by roles like its own."""

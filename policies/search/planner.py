@@ -48,7 +48,7 @@ class Planner(BatchPolicy):
 
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int) -> None:
         super().__init__(ruleset, team, n_seats)
-        self._effort = self.effort_of(self.budget if _can_simulate(type(self), ruleset) else 0)
+        self._effort = self.effort_of(self.budget if can_look_ahead(self.name, ruleset) else 0)
         self._minds = [Mind(ruleset, team, self.n_worlds, self.n_lines) for _ in range(n_seats)]
         self._pool = _make_pool(type(self))
         self._notes = [b""] * n_seats
@@ -130,12 +130,12 @@ def _make_pool(planner: type[Planner]) -> ThreadPoolExecutor | None:
 
 
 @cache
-def _can_simulate(planner: type[Planner], ruleset: Ruleset) -> bool:
-    """Whether a planner can look ahead under a ruleset; said once if not."""
+def can_look_ahead(name: str, ruleset: Ruleset) -> bool:
+    """Whether a fighter that needs the ways between all cells can look ahead under a ruleset; said once if not."""
     if ruleset.side > MOST_SIDE:
         logger.warning(
             "%s: it looks ahead on boards of up to %d cells a side, and %s has %d; it plays the orders of %s",
-            planner.name, MOST_SIDE, ruleset.name, ruleset.side, _BLUEPRINT,
+            name, MOST_SIDE, ruleset.name, ruleset.side, _BLUEPRINT,
         )  # fmt: skip
     return ruleset.side <= MOST_SIDE
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from policies.training.methods import RunConfig
     from policies.training.parallel import Processes
 
-METHODS = ("ppo", "reinforce", "distil")
+METHODS = ("ppo", "reinforce", "distil", "appraise")
 _LINE_EVERY_S = 10.0
 
 train = typer.Typer(invoke_without_command=True, pretty_exceptions_enable=False)
@@ -31,13 +31,14 @@ def start_or_go_on(
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}; reinforce is the paper's.")] = "ppo",
     against: Annotated[str, typer.Option(metavar="FIGHTER", help="ppo: meet this one alone, for a best response to it.")] = "",
     data: Annotated[
-        list[Path] | None, typer.Option(metavar="DIR", help="distil: demonstrations to learn from; may be repeated.")
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="distil, appraise: what to learn from; may be repeated."),
     ] = None,
     start: Annotated[
         str,
         typer.Option(
             metavar="clone:FIGHTER|FILE",
-            help="Begin as a copy of a script, or from a checkpoint or champion; else from nothing.",
+            help="Begin as a copy of a script, or from a checkpoint or reflex; else from nothing.",
         ),
     ] = "",
     curriculum: Annotated[
@@ -176,6 +177,39 @@ def demonstrate(
         n_processes = processes or len(os.sched_getaffinity(0))
         is_done = play(DemonstrationFolder(out), chosen, matches, n_processes, report, lambda: bool(stops))
     say(f"demonstrations: {out}")
+    if not is_done:
+        say("stopped early; the same command goes on")
+
+
+@train.command()
+def try_plans(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="The folder of trials; it goes on with one that is there.")],
+    student: Annotated[
+        str,
+        typer.Option(metavar="FILE|NAME", help="A network that values plans; else what did best in playouts is played."),
+    ] = "",
+    matches: Annotated[int, typer.Option(min=1, help="How many matches the folder is to hold.")] = 1000,
+    processes: Annotated[int | None, typer.Option(min=1, help="As many as there are processors, by default.")] = None,
+    rules: Annotated[str, typer.Option(autocompletion=complete_ruleset, help="The ruleset.")] = "paper",
+    seed: Annotated[int, typer.Option(min=0, help="Of the maps and the matches.")] = 1,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, as in --set opponents.rush=0.5; may be repeated."),
+    ] = None,
+) -> None:
+    """Play matches to learn from with --method appraise: in every tick, plans are tried in playouts."""
+    from arena.extras import needs
+
+    with needs("train", "arena train try-plans"):
+        from policies.training.trials import TrialFolder
+        from policies.training.try_plans import TrialSettings, try_in_matches
+
+    chosen = TrialSettings(student=student, rules=rules, seed=seed).with_(settings or ())
+    stops = _stop_on_signals()
+    with _reporting(str(out), True) as report:
+        n_processes = processes or len(os.sched_getaffinity(0))
+        is_done = try_in_matches(TrialFolder(out), chosen, matches, n_processes, report, lambda: bool(stops))
+    say(f"trials: {out}")
     if not is_done:
         say("stopped early; the same command goes on")
 

@@ -2,46 +2,36 @@
 
 Source: Ross, Gordon, Bagnell, "A reduction of imitation learning and structured prediction to no-regret online learning" (DAgger,
 2011). The teacher has a mind for each seat, which hears of all that happened there, whoever played.
-
-What was left out, and why: matches that are under way are not saved. Whoever goes on begins new ones, on maps of their own.
 """
 
-import multiprocessing
-import os
-import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from multiprocessing.connection import wait
-from multiprocessing.synchronize import Event
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from arena.envs.batched import BatchedEnv
-from arena.errors import ArenaError, InputError
+from arena.errors import InputError
 from arena.game.ruleset import Ruleset, parse_overrides
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Action, Team
 from policies.networks.features import ONE, Encoded
+from policies.networks.judges import N_ENEMY_PLANES, N_TRUTH_PLANES
 from policies.networks.learned import choose, infer
-from policies.networks.models import N_ENEMY_PLANES, N_TRUTH_PLANES, TeamNetwork, TeamShape
+from policies.networks.models import TeamNetwork, TeamShape
 from policies.networks.play_settings import MOST_TEMPERATURE, at_temperature
 from policies.networks.precision import precision_of, to_act_in
-from policies.registry import CHECKPOINT, load, shipped
+from policies.registry import load
 from policies.search.planner import MOST_SIDE, Planner
 from policies.training.clone import Teacher, as_legal
-from policies.training.demonstrations import CERTAIN, UNKNOWN, DemonstrationFolder, Demonstrations, LostFolderError
+from policies.training.demonstrations import CERTAIN, UNKNOWN, DemonstrationFolder, Demonstrations
+from policies.training.gather import gather
 from policies.training.opponents import BEST, PAST, SELF, Opponents, check_self_play
 from policies.training.record import ReportProgress
 from policies.training.rollout import LearnerSeats, Results
 from policies.training.settings import MOST_SEED, check_range, check_shares, merge_shares, read_values
-from policies.training.start import read_team_network
-
-_LOOK_EVERY_S = 1.0
+from policies.training.start import read_student
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,12 +106,8 @@ def check(settings: DemonstrationSettings) -> Ruleset:
 
 def load_student(settings: DemonstrationSettings) -> TeamNetwork:
     """Return the student's network; a fresh one where there is none."""
-    name = settings.student
-    if not name:
-        return TeamNetwork(TeamShape())
-    if not name.endswith(CHECKPOINT) and name not in shipped():
-        raise InputError(f"the student is {name!r}; it must be a checkpoint's file, or one of {', '.join(shipped())}")
-    return read_team_network(shipped().get(name, Path(name)), "learn by playing")
+    fresh = TeamNetwork(TeamShape())
+    return read_student(settings.student, fresh) if settings.student else fresh
 
 
 class Demonstrator:
@@ -180,94 +166,16 @@ class Demonstrator:
         chances[..., Action.STAY] += lost
         return np.rint(CERTAIN * chances).astype(np.uint8)
 
-
-def demonstrate_alone(
-    folder: DemonstrationFolder, settings: DemonstrationSettings, process: int, sitting: int, n_matches: int,
-    should_stop: Callable[[], bool],
-) -> None:  # fmt: skip
-    """Add so many matches to the folder, in this process; what has ended is kept when it is stopped.
-
-    Each seat has its share of them: if the first to end were kept, most of them would be short. A seat that has its share
-    plays on, and nothing of that is kept.
-    """
-    torch.set_num_threads(1)
-    demonstrator = Demonstrator(settings, process, sitting)
-    left = share_matches(n_matches, demonstrator.seats.n_seats, sitting)
-    kept: list[Demonstrations] = []
-    while left.any() and not should_stop():
-        for seat, match in demonstrator.play_tick():
-            if left[seat]:
-                kept.append(match)
-                left[seat] -= 1
-        if kept and (not left.any() or sum(len(match.outcome) for match in kept) >= settings.file_samples):
-            folder.add(process, kept)
-            kept = []
-    if kept:
-        folder.add(process, kept)
-
-
-def share_matches(n_matches: int, n_seats: int, first: int) -> NDArray[np.intp]:
-    """Return how many matches are kept of each seat: equally many, or one more, by turns from the seat `first` on."""
-    bounds = n_matches * np.arange(n_seats + 1) // n_seats
-    return np.roll(np.diff(bounds), first)
+    @property
+    def n_seats(self) -> int:
+        """Seats from which something is to be learned."""
+        return self.seats.n_seats
 
 
 def demonstrate(
     folder: DemonstrationFolder, settings: DemonstrationSettings, n_matches: int, n_processes: int, report: ReportProgress,
     should_stop: Callable[[], bool],
 ) -> bool:  # fmt: skip
-    """Have processes of their own add matches, until the folder holds `n_matches`; return whether it does.
-
-    Raises
-    ------
-    ArenaError
-        A process has failed, another command does the same there, or the folder was deleted meanwhile.
-    """
+    """Have processes of their own add matches, as `gather` does."""
     folder.open_for(asdict(settings), check(settings))
-    with folder.hold():
-        return _add_matches(folder, settings, n_matches, n_processes, report, should_stop)
-
-
-def _add_matches(
-    folder: DemonstrationFolder, settings: DemonstrationSettings, n_matches: int, n_processes: int, report: ReportProgress,
-    should_stop: Callable[[], bool],
-) -> bool:  # fmt: skip
-    sitting = sum(file.matches for file in folder.files())
-    left = max(n_matches - sitting, 0)
-    parts = [left * (process + 1) // n_processes - left * process // n_processes for process in range(n_processes)]
-    context = multiprocessing.get_context("spawn")
-    stop = context.Event()
-    workers = [
-        context.Process(target=_work, args=(folder.path, settings, process, sitting, part, stop, os.getpid()))
-        for process, part in enumerate(parts) if part
-    ]  # fmt: skip
-    for worker in workers:
-        worker.start()
-    running = list(workers)
-    while running:
-        wait([worker.sentinel for worker in running], _LOOK_EVERY_S)
-        running = [worker for worker in running if worker.is_alive()]
-        try:
-            files = folder.files()
-        except LostFolderError:
-            stop.set()
-            raise
-        done, samples = sum(file.matches for file in files), sum(file.samples for file in files)
-        report(done / n_matches, f"{done:,} matches, {samples:,} samples")
-        if should_stop() or any(worker.exitcode for worker in workers):
-            stop.set()
-    if any(worker.exitcode for worker in workers):
-        raise ArenaError("a process that made demonstrations has failed; what was written is good, and the same command goes on")
-    return sum(file.matches for file in folder.files()) >= n_matches
-
-
-def _work(
-    path: Path, settings: DemonstrationSettings, process: int, sitting: int, n_matches: int, stop: Event, parent: int
-) -> None:  # fmt: skip
-    """Be one of the processes; it ends when the first one says so, or has ended."""
-    for number in (signal.SIGINT, signal.SIGTERM):  # which a terminal, or a job's manager, sends to all
-        signal.signal(number, signal.SIG_IGN)
-    with suppress(LostFolderError):  # which the first process tells
-        demonstrate_alone(
-            DemonstrationFolder(path), settings, process, sitting, n_matches, lambda: stop.is_set() or os.getppid() != parent
-        )
+    return gather(folder, Demonstrator, settings, n_matches, n_processes, report, should_stop)

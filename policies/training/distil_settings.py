@@ -5,9 +5,9 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from arena.errors import InputError
 from arena.game.ruleset import parse_overrides
-from policies.training.settings import MOST_SEED, check_range, read_values
+from policies.training.sample_settings import check_samples
+from policies.training.settings import check_range, read_values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,21 +36,10 @@ class DistilSettings:
     """Decay of the running average of the weights that is saved, per step of the optimiser."""
 
     def __post_init__(self) -> None:
-        check_range(self, "seed", 0, MOST_SEED)
-        for name in ("channels", "blocks", "minibatch"):
-            check_range(self, name, 1, 10**9)
-        check_range(self, "passes", 0, math.inf, above=True, below=True)
-        for name in ("rate", "average"):
-            check_range(self, name, 0, 1, above=True, below=True)
+        check_samples(self, "distil", "demonstrations", "arena train demonstrate")
         check_range(self, "soft", 0, 1)
         for name in ("value", "belief"):
             check_range(self, name, 0, math.inf, below=True)
-        if type(self.data) is not list or any(type(path) is not str for path in self.data):
-            raise InputError(f"the setting data is {self.data!r}; it must be a list of folders, each of which --data gives")
-        if not self.data:
-            raise InputError(
-                "the method distil learns from demonstrations; give a folder by --data, `arena train demonstrate` makes one"
-            )
 
     def with_(self, assignments: Iterable[str]) -> "DistilSettings":
         """Return a copy with values such as "passes=5" replaced."""

@@ -10,7 +10,8 @@ from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from policies.networks.checkpoint import read_manifest
 from policies.registry import CHECKPOINT, load, shipped
-from policies.training import distil_settings, ppo_settings, reinforce_settings
+from policies.training import appraise_settings, distil_settings, ppo_settings, reinforce_settings
+from policies.training.appraise_settings import AppraiseSettings
 from policies.training.budget import Budget
 from policies.training.distil_settings import DistilSettings
 from policies.training.folder import RunFolder
@@ -20,7 +21,13 @@ from policies.training.ppo_settings import PpoSettings
 from policies.training.record import ReportProgress
 from policies.training.reinforce_settings import ReinforceSettings
 
-PPO, REINFORCE, DISTIL = "ppo", "reinforce", "distil"
+PPO, REINFORCE, DISTIL, APPRAISE = "ppo", "reinforce", "distil", "appraise"
+Settings = PpoSettings | ReinforceSettings | DistilSettings | AppraiseSettings
+_READ: dict[str, Callable[[dict[str, Any]], Settings]] = {
+    PPO: ppo_settings.from_dict, REINFORCE: reinforce_settings.from_dict, DISTIL: distil_settings.from_dict,
+    APPRAISE: appraise_settings.from_dict,
+}  # fmt: skip
+_FROM_FILES = (DISTIL, APPRAISE)
 DEFAULT_SAMPLES, DEFAULT_EPISODES = 3_000_000, 20_000
 
 
@@ -40,7 +47,7 @@ class RunConfig:
     start: str
     """`clone:FIGHTER`, a checkpoint's file, or nothing."""
     budget: Budget
-    settings: PpoSettings | ReinforceSettings | DistilSettings
+    settings: Settings
 
     def to_dict(self) -> dict[str, Any]:
         """Return the configuration as JSON has it."""
@@ -71,13 +78,9 @@ def checked(method: str, budget: Budget) -> Budget:
 def read_config(values: dict[str, Any]) -> RunConfig:
     """Return the config that a run's folder keeps; `InputError` if it is not as it was written."""
     method = values.get("method", PPO)
-    settings: PpoSettings | ReinforceSettings | DistilSettings
     try:
         given, budget = values["settings"], Budget(**values["budget"])
-        if method == REINFORCE:
-            settings = reinforce_settings.from_dict(given)
-        else:
-            settings = distil_settings.from_dict(given) if method == DISTIL else ppo_settings.from_dict(given)
+        settings = _READ.get(method, ppo_settings.from_dict)(given)
         return RunConfig(method=method, start=values["start"], budget=budget, settings=settings)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"the settings of this run are not as they were written ({error}); begin another") from error
@@ -108,8 +111,8 @@ def make_config(
     InputError
         The method does not take an option.
     """
-    if data and method != DISTIL:
-        raise InputError(f"--data is for the method distil; {method} learns from the matches that it plays")
+    if data and method not in _FROM_FILES:
+        raise InputError(f"--data is for the methods {' and '.join(_FROM_FILES)}; {method} learns from the matches that it plays")
     if against and method != PPO:
         raise InputError(f"--against is for the method ppo; {method} has no opponents to choose, or chooses them by --set")
     if against and any(assignment.startswith("opponents") for assignment in assignments):
@@ -125,6 +128,9 @@ def make_config(
     if method == DISTIL:
         taught = DistilSettings(rules=rules or "paper", seed=seed, data=list(data)).with_(assignments)
         return RunConfig(method=method, start=start, budget=checked(method, budget), settings=taught)
+    if method == APPRAISE:
+        tried = AppraiseSettings(rules=rules or "paper", seed=seed, data=list(data)).with_(assignments)
+        return RunConfig(method=method, start=start, budget=checked(method, budget), settings=tried)
     if method == REINFORCE:
         chosen = ReinforceSettings(rules=rules or "exp1", seed=seed).with_(assignments)
         return RunConfig(method=method, start=start, budget=Budget(episodes=DEFAULT_EPISODES), settings=chosen).with_budget(
@@ -155,6 +161,10 @@ def make_run(config: RunConfig, folder: RunFolder, processes: Processes, report:
         from policies.training.reinforce_run import ReinforceRun
 
         return ReinforceRun(folder, config.settings, config.start, config.budget, processes, report, device)
+    if isinstance(config.settings, AppraiseSettings):
+        from policies.training.appraise_run import AppraiseRun
+
+        return AppraiseRun(folder, config.settings, config.start, config.budget, processes, report, device)
     if isinstance(config.settings, DistilSettings):
         from policies.training.distil_run import DistilRun
 

@@ -15,8 +15,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from policies.networks.judges import Critic
 from policies.networks.learned import chunk_on, infer_from
-from policies.networks.models import Critic, TeamNetwork, channels_last
+from policies.networks.models import TeamNetwork, channels_last
 from policies.networks.precision import autocast, precision_of, to_act_in
 from policies.training.gradients import bound_gradients
 from policies.training.parallel import Processes

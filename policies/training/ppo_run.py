@@ -24,7 +24,8 @@ from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from policies.networks.checkpoint import check_size, describe, save_checkpoint
-from policies.networks.models import Critic, TeamNetwork, TeamShape
+from policies.networks.judges import Critic
+from policies.networks.models import TeamNetwork, TeamShape
 from policies.registry import load
 from policies.training.clone import Teacher, clone
 from policies.training.folder import LAST, START, STEP

@@ -19,8 +19,9 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Action, Team, Termination
 from policies.networks.features import N_PLANES, N_SCALARS, Encoded, Encoder
+from policies.networks.judges import N_TRUTH_PLANES
 from policies.networks.learned import choose, infer
-from policies.networks.models import N_TRUTH_PLANES, TeamNetwork
+from policies.networks.models import TeamNetwork
 from policies.training.opponents import SELF, Opponents
 from policies.training.truth import reveal
 

@@ -1,28 +1,47 @@
-"""The team network that training begins from, or plays: read from a checkpoint, if it fits."""
+"""The network that training begins from, or plays: read from a checkpoint, if it fits."""
 
 from pathlib import Path
+from typing import TypeVar
 
 from arena.errors import InputError
 from arena.game.ruleset import Ruleset
-from policies.networks.checkpoint import Checkpoint, load_checkpoint
+from policies.networks.appraiser import Appraiser
+from policies.networks.checkpoint import Checkpoint, load_checkpoint, shape_of
 from policies.networks.models import TeamNetwork
+from policies.registry import CHECKPOINT, shipped
+
+Seated = TypeVar("Seated", TeamNetwork, Appraiser)
 
 
-def read_team_network(path: Path, purpose: str) -> TeamNetwork:
-    """Return the network of a checkpoint, ready to play; `InputError` if it is none of a team."""
-    return _network_of(load_checkpoint(path), path, purpose)
+def read_student(name: str, fresh: Seated) -> Seated:
+    """Return the network of a checkpoint's file, or of a shipped fighter, that plays and goes on learning.
+
+    Parameters
+    ----------
+    fresh
+        One of the kind that is wanted.
+
+    Raises
+    ------
+    InputError
+        It is neither, or of another kind.
+    """
+    if not name.endswith(CHECKPOINT) and name not in shipped():
+        raise InputError(f"the student is {name!r}; it must be a checkpoint's file, or one of {', '.join(shipped())}")
+    path = shipped().get(name, Path(name))
+    return _network_of(load_checkpoint(path), path, "learn by playing", fresh)
 
 
-def read_start(path: Path, ruleset: Ruleset, fresh: TeamNetwork) -> TeamNetwork:
+def read_start(path: Path, ruleset: Ruleset, fresh: Seated) -> Seated:
     """Return the network of a checkpoint, ready to learn.
 
     Raises
     ------
     InputError
-        It is none of a team, of another shape than a fresh one, or was trained on another ruleset.
+        It is of another kind than a fresh one, or of another shape, or was trained on another ruleset.
     """
     checkpoint = load_checkpoint(path)
-    network = _network_of(checkpoint, path, "start from")
+    network = _network_of(checkpoint, path, "start from", fresh)
     shape = network.shape
     if shape != fresh.shape:
         way_out = f"try --set channels={shape.channels} --set blocks={shape.blocks}"
@@ -36,8 +55,9 @@ def read_start(path: Path, ruleset: Ruleset, fresh: TeamNetwork) -> TeamNetwork:
     return network.train().requires_grad_(True)
 
 
-def _network_of(checkpoint: Checkpoint, path: Path, purpose: str) -> TeamNetwork:
-    kind, network = checkpoint.manifest.network, checkpoint.network
-    if not isinstance(network, TeamNetwork):
-        raise InputError(f"cannot {purpose} {path}: it holds a {kind} network, and a team network is wanted")
+def _network_of(checkpoint: Checkpoint, path: Path, purpose: str, fresh: Seated) -> Seated:
+    network = checkpoint.network
+    if not isinstance(network, type(fresh)):
+        found, wanted = checkpoint.manifest.network, shape_of(fresh)[0]
+        raise InputError(f"cannot {purpose} {path}: its network is of the kind {found}, and one of the kind {wanted} is wanted")
     return network

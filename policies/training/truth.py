@@ -8,7 +8,7 @@ from arena.game.state import State, StateField
 from arena.game.types import Code, Team
 from arena.jit import jit
 from policies.networks.features import ONE, framed
-from policies.networks.models import N_TRUTH_PLANES
+from policies.networks.judges import N_TRUTH_PLANES
 
 _OBSTACLE = int(Code.OBSTACLE)
 _ENEMY_UGV, _ENEMY_UAV, _OWN_FLAG, _ENEMY_FLAG, _WALL = range(N_TRUTH_PLANES)

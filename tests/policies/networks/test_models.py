@@ -8,8 +8,9 @@ from arena.envs.batched import BatchedEnv
 from arena.game.ruleset import Ruleset, load
 from arena.game.types import Code, Team
 from policies.networks.features import N_PLANES, N_SCALARS, Encoder
+from policies.networks.judges import N_ENEMY_PLANES, N_TRUTH_PLANES, Critic, Locator
 from policies.networks.learned import choose, infer
-from policies.networks.models import N_ENEMY_PLANES, N_TRUTH_PLANES, Critic, Locator, PaperNetwork, TeamNetwork, TeamShape
+from policies.networks.models import PaperNetwork, TeamNetwork, TeamShape, planes_around
 
 PAPER = load("paper")
 SMALL = TeamShape(channels=8, blocks=1, patch=5, local=8, hidden=16)
@@ -114,11 +115,11 @@ def test_what_a_unit_does_depends_on_its_own_place_and_index() -> None:
 
 
 def test_distances_near_a_unit_are_differences_in_steps() -> None:
-    made, (planes, _, cell, _) = network(), encoded(PAPER, 2)
+    planes, _, cell, _ = encoded(PAPER, 2)
     values = planes.float() / 32
     size, middle = SMALL.patch, SMALL.patch // 2
 
-    near = made._near(values, cell).view(2, 6, size, size, N_PLANES)
+    near = planes_around(values, cell, size).view(2, 6, size, size, N_PLANES)
 
     for seat in range(2):
         for unit in range(4):

@@ -6,7 +6,8 @@ import torch
 
 from arena.envs.batched import BatchedEnv
 from arena.game.ruleset import load as load_rules
-from policies.networks.models import Critic, TeamNetwork, TeamShape
+from policies.networks.judges import Critic
+from policies.networks.models import TeamNetwork, TeamShape
 from policies.training.opponents import Opponents
 from policies.training.parallel import Processes
 from policies.training.ppo import Learner, Schedule

@@ -6,7 +6,6 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,15 +17,17 @@ from policies.networks.checkpoint import describe, load_checkpoint, save_checkpo
 from policies.networks.features import ONE, Plane
 from policies.networks.models import PaperTeam, TeamNetwork
 from policies.registry import shipped
-from policies.training import demonstrate as demonstrating
 from policies.training.budget import Budget
-from policies.training.demonstrate import DemonstrationSettings, Demonstrator, check, demonstrate, demonstrate_alone
-from policies.training.demonstrations import CERTAIN, UNKNOWN, DemonstrationFolder, Demonstrations, File, mirrored, read
-from policies.training.distil_run import DistilRun, choose_unseen
+from policies.training.demonstrate import DemonstrationSettings, Demonstrator, check, demonstrate
+from policies.training.demonstrations import CERTAIN, UNKNOWN, DemonstrationFolder, Demonstrations, mirrored
+from policies.training.distil_run import DistilRun
 from policies.training.distil_settings import DistilSettings
 from policies.training.folder import LAST, METRICS, RunFolder
+from policies.training.gather import gather_alone
 from policies.training.gradients import TrainingError
 from policies.training.parallel import Processes
+from policies.training.sample_folder import File
+from policies.training.sample_run import choose_unseen
 
 SMALL_RUN = ("--set", "channels=8", "--set", "blocks=1", "--set", "passes=1")
 EASY = DemonstrationSettings(teacher="rush", games=4, opponents={"self": 0.5, "patrol": 0.5})
@@ -38,7 +39,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> DemonstrationFolder:
     folder = DemonstrationFolder(tmp_path_factory.mktemp("data"))
     folder.open_for(asdict(EASY), PAPER)
     for sitting in range(3):
-        demonstrate_alone(folder, EASY, 0, sitting, 6, lambda: False)
+        gather_alone(folder, Demonstrator, EASY, 0, sitting, 6, lambda: False)
     return folder
 
 
@@ -52,7 +53,7 @@ def student(tmp_path: Path) -> str:
 
 def test_what_a_teacher_orders_is_legal_and_each_match_has_one_outcome(data: DemonstrationFolder) -> None:
     files = data.files()
-    samples = [read(file.path) for file in files]
+    samples = [data.read(file.path) for file in files]
 
     assert [(file.matches, file.samples) for file in files] == [(6, len(one.outcome)) for one in samples]
     for one in samples:
@@ -68,7 +69,7 @@ def test_what_a_teacher_orders_is_legal_and_each_match_has_one_outcome(data: Dem
 
 
 def test_demonstrations_know_where_the_enemies_truly_are_whether_seen_or_not(data: DemonstrationFolder) -> None:
-    samples = read(data.files()[0].path)
+    samples = data.read(data.files()[0].path)
     seen = samples.planes[..., Plane.ENEMY_UGV : Plane.ENEMY_UAV + 1] // ONE
 
     np.testing.assert_array_equal(samples.enemies[seen > 0], seen[seen > 0])
@@ -77,7 +78,7 @@ def test_demonstrations_know_where_the_enemies_truly_are_whether_seen_or_not(dat
 
 
 def test_mirrored_samples_mean_the_same_on_a_board_turned_upside_down(data: DemonstrationFolder) -> None:
-    samples = read(data.files()[0].path)
+    samples = data.read(data.files()[0].path)
     everything = np.ones(len(samples.outcome), np.bool_)
     turned = mirrored(samples, everything)
     lives = turned.labels != UNKNOWN
@@ -127,7 +128,7 @@ def test_processes_of_their_own_make_demonstrations_until_they_are_stopped_and_t
     assert not make(1_000_000, end_all)
     kept = folder.files()
     (folder.path / f".{kept[0].path.name}.77").write_bytes(b"half a file of somebody who was killed")
-    assert all(len(read(file.path).outcome) == file.samples for file in kept)
+    assert all(len(folder.read(file.path).outcome) == file.samples for file in kept)
     assert make(sum(file.matches for file in kept), lambda: False)
     assert folder.files() == kept
     with pytest.raises(InputError, match=r"another value of seed; choose another --out"):
@@ -143,7 +144,7 @@ class UnlikeSeats:
     """Stands for a `Demonstrator` of five seats: in the first a match takes one tick, in the second two, and so on."""
 
     def __init__(self, *_: object) -> None:
-        self.seats, self.tick = SimpleNamespace(n_seats=5), 0
+        self.n_seats, self.tick = 5, 0
 
     def play_tick(self) -> Iterator[tuple[int, Demonstrations]]:
         self.tick += 1
@@ -153,13 +154,10 @@ class UnlikeSeats:
 
 
 @pytest.mark.parametrize(("n_matches", "sitting", "kept"), [(10, 0, [2] * 5), (12, 7, [2, 3, 2, 2, 3]), (2, 0, [0, 0, 1, 0, 1])])
-def test_long_matches_are_kept_as_often_as_short_ones(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, n_matches: int, sitting: int, kept: list[int]
-) -> None:
-    monkeypatch.setattr(demonstrating, "Demonstrator", UnlikeSeats)
+def test_long_matches_are_kept_as_often_as_short_ones(tmp_path: Path, n_matches: int, sitting: int, kept: list[int]) -> None:
     folder = DemonstrationFolder(tmp_path)
-    demonstrate_alone(folder, replace(EASY, file_samples=7), 0, sitting, n_matches, lambda: False)
-    seats = np.concatenate([read(file.path).outcome for file in folder.files()])
+    gather_alone(folder, UnlikeSeats, replace(EASY, file_samples=7), 0, sitting, n_matches, lambda: False)
+    seats = np.concatenate([folder.read(file.path).outcome for file in folder.files()])
 
     assert [int((seats == seat).sum()) // (seat + 1) for seat in range(5)] == kept
     assert sum(file.matches for file in folder.files()) == n_matches
@@ -259,7 +257,7 @@ def test_demonstrations_of_several_rulesets_are_learned_from_together(tmp_path: 
     alone, settings = DemonstrationFolder(tmp_path / "alone"), replace(EASY, rules="exp1")
     alone.open_for(asdict(settings), check(settings))
     for sitting in range(2):
-        demonstrate_alone(alone, settings, 0, sitting, 2, lambda: False)
+        gather_alone(alone, Demonstrator, settings, 0, sitting, 2, lambda: False)
     both = DistilSettings(data=[str(data.path), str(alone.path)], channels=8, blocks=1, passes=1.0, minibatch=64)
     run = DistilRun(RunFolder(tmp_path), both, "", Budget(), Processes(), lambda *_: None)
     run.train(lambda: False)
@@ -272,7 +270,7 @@ def test_demonstrations_of_several_rulesets_are_learned_from_together(tmp_path: 
 def test_a_gradient_that_is_not_finite_ends_the_run_before_the_step(tmp_path: Path, data: DemonstrationFolder) -> None:
     rotten = DemonstrationFolder(tmp_path / "rotten")
     rotten.open_for({}, PAPER)
-    samples = read(data.files()[0].path)
+    samples = data.read(data.files()[0].path)
     for _ in range(2):
         rotten.add(0, [samples._replace(scalars=np.full_like(samples.scalars, np.nan))])
     folder = RunFolder(tmp_path / "run")
@@ -291,7 +289,7 @@ def test_a_gradient_that_is_not_finite_ends_the_run_before_the_step(tmp_path: Pa
     ("change", "reason"),
     [
         ({"student": "rush"}, "the student is 'rush'; it must be a checkpoint's file, or one of champion"),
-        ({"student": "paper"}, "it holds a paper network, and a team network is wanted"),
+        ({"student": "paper"}, "its network is of the kind paper, and one of the kind team is wanted"),
         ({"student": "nowhere.safetensors"}, "cannot read the checkpoint nowhere.safetensors"),
         ({"teacher": "nobody"}, "nobody"),
         ({"opponents": {"best": 1.0}}, "names best, which PPO alone has"),
@@ -328,12 +326,12 @@ def test_demonstrations_that_do_not_fit_are_refused_in_a_sentence(tmp_path: Path
         DistilSettings()
     few = DemonstrationFolder(tmp_path / "few")
     few.open_for({}, PAPER)
-    file = few.add(0, [read(data.files()[0].path)])
+    file = few.add(0, [data.read(data.files()[0].path)])
     with pytest.raises(InputError, match="too few demonstrations"):
         learn(tmp_path / "run", few)
     file.path.write_bytes(file.path.read_bytes()[: file.path.stat().st_size // 2])
     with pytest.raises(InputError, match="delete it, and the rest can be used"):
-        read(file.path)
+        few.read(file.path)
 
 
 def test_a_damaged_file_is_one_sentence_wherever_it_is_damaged(tmp_path: Path, data: DemonstrationFolder) -> None:
@@ -343,7 +341,7 @@ def test_a_damaged_file_is_one_sentence_wherever_it_is_damaged(tmp_path: Path, d
     for damaged in damages:
         file.write_bytes(damaged)
         with pytest.raises(InputError, match=r"^cannot read .+: .+; delete it, and the rest can be used$") as refusal:
-            read(file)
+            data.read(file)
         reasons.add(type(refusal.value.__cause__))
 
     assert {zlib.error, EOFError} < reasons

@@ -27,7 +27,7 @@ from policies.training.ppo_run import PpoRun
 from policies.training.ppo_settings import PpoSettings
 from policies.training.reinforce_settings import ReinforceSettings
 from policies.training.rollout import Results, collect
-from policies.training.start import read_start, read_team_network
+from policies.training.start import read_start, read_student
 
 
 def norm_of(network: nn.Module) -> float:
@@ -304,9 +304,9 @@ def test_the_next_rollout_is_played_while_one_is_learned_from_if_it_may_be(
 def test_a_run_may_begin_from_a_network_that_ships_by_its_name(method: str) -> None:
     given = {"rules": None, "seed": 1, "assignments": [], "data": ["seen"] if method == "distil" else []}
 
-    config = make_config(method, "champion", Budget(), **given)  # type: ignore[arg-type]
+    config = make_config(method, "reflex", Budget(), **given)  # type: ignore[arg-type]
 
-    assert read_team_network(Path(config.start), "start from").shape == TeamShape()
+    assert read_student(config.start, TeamNetwork(TeamShape())).shape == TeamShape()
     assert make_config(method, "other.safetensors", Budget(), **given).start == "other.safetensors"  # type: ignore[arg-type]
 
 
@@ -334,7 +334,9 @@ def test_a_start_of_another_shape_or_kind_is_refused_with_the_way_out(tmp_path: 
     assert read_start(tmp_path / "one.safetensors", PAPER, small).shape == small.shape
     with pytest.raises(InputError, match=r"the settings ask for .*channels=48.* \(try --set channels=8 --set blocks=1\)$"):
         read_start(tmp_path / "one.safetensors", PAPER, TeamNetwork(TeamShape()))
-    with pytest.raises(InputError, match=r"alone\.safetensors: it holds a paper network, and a team network is wanted$"):
+    with pytest.raises(
+        InputError, match=r"alone\.safetensors: its network is of the kind paper, and one of the kind team is wanted$"
+    ):
         read_start(tmp_path / "alone.safetensors", PAPER, small)
 
 
