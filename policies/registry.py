@@ -63,6 +63,8 @@ NOT_PACKAGED = {
     "paper": "the weights of the fighter paper come with the source repository alone, since they have 10 MB: "
     "name a copy of its policies/weights/paper.safetensors instead, or train them with "
     "`arena train --method reinforce --curriculum paper`",
+    "reflex": "the weights of the fighter reflex come with the source repository alone: name a copy of its "
+    "policies/weights/reflex.safetensors instead, or play champion",
 }
 """What to do about trained fighters that an installed package lacks."""
 

@@ -97,7 +97,7 @@ def test_the_wheel_is_small_and_holds_our_packages_alone(wheel: Path) -> None:
 
     assert wheel.stat().st_size < MOST_BYTES
     assert folders == {"arena", "clients", "policies", "tournaments"}
-    assert not [name for name in names if name.endswith("paper.safetensors")]
+    assert [name for name in names if name.endswith(".safetensors")] == ["policies/weights/champion.safetensors"]
 
 
 def test_it_pulls_no_part_that_is_optional(installed: Installed) -> None:
@@ -171,9 +171,10 @@ def test_a_missing_extra_is_one_sentence_with_its_command(
     assert f"needs {package}, which is not installed here: pip install 'arena-pit[{extra}]'" in done.stderr
 
 
-def test_the_fighter_whose_weights_are_left_out_says_where_they_are(installed: Installed) -> None:
-    done = installed.arena("play", "paper", "rush")
+@pytest.mark.parametrize("name", ["paper", "reflex"])
+def test_a_fighter_whose_weights_are_left_out_says_where_they_are(installed: Installed, name: str) -> None:
+    done = installed.arena("play", name, "rush")
 
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.count("\n") == 1
-    assert "policies/weights/paper.safetensors" in done.stderr
+    assert f"policies/weights/{name}.safetensors" in done.stderr
