@@ -25,7 +25,7 @@ from policies.networks.play_settings import PlaySettings
 from policies.search.climb import BEST, BLUEPRINT, FLIES, LAST, PRESETS, TRIALS, WALKS, Effort, write_presets
 from policies.search.explain import explain
 from policies.search.mind import Mind
-from policies.search.models import NAMES, Role
+from policies.search.models import NAMES, RUSH, SCOUT, Role
 from policies.search.planner import can_look_ahead
 from policies.search.plans import FROM_ROLE
 from policies.settings import read_settings
@@ -53,6 +53,7 @@ class Strategist(BatchPolicy):
         self.likely = np.zeros((n_seats, len(NAMES)), np.float32)
         """Shape (n_seats, models): how likely the enemy plays by each, as the network takes it."""
         self._flies = [unit.flies for unit in ruleset.team(team)]
+        self._is_alone = all(unit.flies for unit in ruleset.team(team.other))
         self._notes = [b""] * n_seats
 
     def start(self, seats: NDArray[np.intp]) -> None:
@@ -70,7 +71,7 @@ class Strategist(BatchPolicy):
                 orders[seat] = mind.act(observations.select(slice(seat, seat + 1)), self._effort, None)
             return
         self.take_in(observations)
-        role, first, value = self._choose(observations.seed)
+        role, first, value = self._run() if self._is_alone else self._choose(observations.seed)
         for seat, mind in enumerate(self.minds):
             plans = mind.plans[0]
             plans.role[BEST], plans.first[BEST], plans.goal[BEST] = role[seat], first[seat], -1
@@ -92,6 +93,12 @@ class Strategist(BatchPolicy):
         """Return what a seat thought in the last `act`, and forget it."""
         taken, self._notes[seat] = self._notes[seat], b""
         return taken
+
+    def _run(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
+        """Return what `_choose` does where no enemy can stop anybody on foot: playouts teach nothing about that, and all run."""
+        kinds = [SCOUT if flies else RUSH for flies in self._flies]
+        role = np.tile(np.array(kinds, np.int64), (self.n_seats, 1))
+        return role, np.full_like(role, FROM_ROLE), np.ones(self.n_seats, np.float32)
 
     def _choose(self, seeds: NDArray[np.uint64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
         """Return the role and the first order of each unit, shape (n_seats, units), and what the network makes of that."""

@@ -5,6 +5,7 @@ A few worlds for each of many plans say more than many worlds for a few: the cha
 
 import numpy as np
 
+from arena.game.types import Action
 from arena.jit import jit
 from policies.chance import choose, mix
 from policies.search.climb import BEST, FLIES, N_PLANS, PRESETS, TRIALS, WALKS
@@ -19,7 +20,7 @@ _N_PRESETS = 3
 _PAIR, _STEPS, _RANDOM = TRIALS + 8, TRIALS + 9, N_PLANS - 1
 """Rows of a plan in which two units take other roles than in the best, of plans in which one takes another first step, and of one
 in which all take any role. In those before, one unit takes another role."""
-_N_ACTIONS = 5
+_N_ACTIONS = len(Action)
 
 
 @jit()

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from arena.annotations import read_annotations
 from arena.game.ruleset import Ruleset, load
+from arena.game.state import StateField
 from arena.game.types import Action, Team
 from policies.heuristics.role_team import RoleTeam
 from policies.networks.appraiser import Appraiser, Outlook
@@ -136,6 +137,19 @@ def test_a_seat_plays_alike_alone_and_among_others() -> None:
         apart = [decide(fighter, seen[Team.RED].select(slice(one, one + 1)))[0] for one, fighter in enumerate(alone)]
         np.testing.assert_array_equal(orders, apart)
         games.step(np.concatenate([decide(rivals, seen[Team.BLUE]), orders], axis=1))
+
+
+def test_where_no_enemy_walks_all_run_for_the_flag_whatever_the_network_says() -> None:
+    ruleset = load("exp1")
+    games, fighter = begin_games(ruleset, [15]), seat(fond_of(many(Role.GUARD)), ruleset, Team.BLUE)
+    for _ in range(ruleset.tick_limit):
+        games.step(decide(fighter, games.observe()[Team.BLUE]))
+        if games.is_over.all():
+            break
+
+    assert games.is_over.all()
+    assert games.state.field[0, StateField.WINNER] == Team.BLUE
+    assert games.state.field[0, StateField.TICK] < 3 * ruleset.side
 
 
 def test_first_steps_are_turned_into_the_frame_and_back() -> None:
