@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from policies.networks.features import N_PLANES, N_SCALARS, ONE, UPSIDE_DOWN, Encoded, upside_down
+from policies.networks.features import N_PLANES, N_SCALARS, ONE, Encoded, actions_upside_down, upside_down
 from policies.networks.models import N_ACTIONS, TeamShape, Trunk, features_around, n_around, planes_around, summarise
 
 _VALUES = 64
@@ -129,7 +129,7 @@ class Appraisal:
         """Return the logit of each plan's share of a win, shape (n, plans); the plans are those of `Appraiser.appraise`."""
         with torch.inference_mode():
             roles, total = torch.from_numpy(role), torch.zeros(role.shape[:2])
-            for view, turned in zip(self._views, (first, _upside_down(first)), strict=False):
+            for view, turned in zip(self._views, (first, actions_upside_down(first)), strict=False):
                 total += self._network.appraise(view, roles, torch.from_numpy(turned), self._n_walkers)
             return np.asarray((total / len(self._views)).numpy())
 
@@ -138,7 +138,3 @@ class Appraisal:
         planes, scalars, cell, alive, models = map(torch.from_numpy, arrays)
         with torch.inference_mode():
             return self._network.look(planes, scalars, cell, alive, models, self._n_walkers)
-
-
-def _upside_down(first: NDArray[np.int64]) -> NDArray[np.int64]:
-    return np.where(first < 0, first, UPSIDE_DOWN[first])

@@ -35,10 +35,9 @@ MOST_AGENTS = 16
 MOST_WINDOW = 64
 MOST_SIZE = 1024
 """Of a team's network: channels, blocks, and the rest."""
-PAPER = "paper"
-_OF_TEAMS = {"team": (TeamShape, TeamNetwork), "appraiser": (AppraiserShape, Appraiser)}
+_TEAM, _APPRAISER, _PAPER = KINDS = ("team", "appraiser", "paper")
+_OF_TEAMS = {_TEAM: (TeamShape, TeamNetwork), _APPRAISER: (AppraiserShape, Appraiser)}
 """Networks that see `features`, and their sizes."""
-KINDS = (*_OF_TEAMS, PAPER)
 _KEY = "arena"
 _MANIFEST_BYTES = 65_536
 """Room for all that stands before the tensors."""
@@ -84,14 +83,14 @@ def build_network(kind: str, shape: Mapping[str, int]) -> nn.Module:
     ValueError
         There is no such kind, or its sizes are others.
     """
-    sizes = {"edge": Code.HIDDEN, **shape} if kind == PAPER else dict(shape)  # checkpoints did not always say the edge
+    sizes = {"edge": Code.HIDDEN, **shape} if kind == _PAPER else dict(shape)  # checkpoints did not always say the edge
     if kind in _OF_TEAMS:
         make_shape, make = _OF_TEAMS[kind]
         with suppress(TypeError):  # a size that there is not, or one that is missing
             team = make_shape(**sizes)
             if all(_is_size(size) for size in asdict(team).values()) and team.patch % 2:
                 return make(team)
-    elif kind == PAPER and set(sizes) == {"window", "agents", "planes", "edge"}:
+    elif kind == _PAPER and set(sizes) == {"window", "agents", "planes", "edge"}:
         is_known = all(_is_whole(size) for size in sizes.values())
         is_known = is_known and sizes["planes"] in (1, len(SIGNED_PLANES), len(Code))
         is_known = is_known and sizes["edge"] in (Code.HIDDEN, Code.OBSTACLE)
@@ -114,11 +113,11 @@ def _is_size(value: object, most: int = MOST_SIZE) -> bool:
 def shape_of(network: nn.Module) -> tuple[str, dict[str, int]]:
     """Return the kind and the sizes of a network."""
     if isinstance(network, TeamNetwork):
-        return "team", asdict(network.shape)
+        return _TEAM, asdict(network.shape)
     if isinstance(network, Appraiser):
-        return "appraiser", asdict(network.shape)
+        return _APPRAISER, asdict(network.shape)
     if isinstance(network, PaperTeam):
-        return PAPER, {"window": network.window, "agents": network.agents, "planes": network.planes, "edge": network.edge}
+        return _PAPER, {"window": network.window, "agents": network.agents, "planes": network.planes, "edge": network.edge}
     raise ValueError(f"{type(network).__name__} is no network that a checkpoint can hold")
 
 
@@ -220,7 +219,7 @@ def read_manifest(path: Path) -> Manifest:
 
 
 def _most_bytes(manifest: Manifest) -> int:
-    agents, window = (manifest.shape.get(name) for name in ("agents", "window")) if manifest.network == PAPER else (1, WINDOW)
+    agents, window = (manifest.shape.get(name) for name in ("agents", "window")) if manifest.network == _PAPER else (1, WINDOW)
     n_policies = agents if isinstance(agents, int) and 1 <= agents <= MOST_AGENTS else 1
     side = window if isinstance(window, int) and WINDOW <= window <= MOST_WINDOW else WINDOW
     dense = ((side - 6) / (WINDOW - 6)) ** 2

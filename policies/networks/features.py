@@ -6,7 +6,7 @@ they are laid out with the planes last, as the network reads them.
 """
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ FEATURES_VERSION = 1
 """Rises whenever the same observations would give other planes: a checkpoint is refused by another version."""
 ONE = 32
 _MOST, _FAR = 255, 63
+Integer = TypeVar("Integer", bound=np.integer[Any])
 _STAY = int(Action.STAY)
 _MIRRORED = np.array([Action.STAY, Action.NORTH, Action.WEST, Action.SOUTH, Action.EAST], np.int8)
 UPSIDE_DOWN = np.array([Action.STAY, Action.SOUTH, Action.EAST, Action.NORTH, Action.WEST], np.int8)
@@ -100,13 +101,22 @@ class Encoded(NamedTuple):
 
 def upside_down(encoded: Encoded) -> Encoded:
     """Return a copy with the boards mirrored north to south."""
-    side = encoded.planes.shape[1]
-    row, column = np.divmod(encoded.cell, side)
     return encoded._replace(
         planes=np.ascontiguousarray(encoded.planes[:, ::-1]),
-        cell=(side - 1 - row) * side + column,
+        cell=cells_upside_down(encoded.cell, encoded.planes.shape[1]),
         legal=encoded.legal[..., UPSIDE_DOWN],
     )
+
+
+def cells_upside_down(cell: NDArray[Integer], side: int) -> NDArray[Integer]:
+    """Return cells mirrored north to south, of the same shape."""
+    row, column = np.divmod(cell, side)
+    return (side - 1 - row) * side + column
+
+
+def actions_upside_down(actions: NDArray[Integer]) -> NDArray[Integer]:
+    """Return actions with north and south exchanged, of the same shape; what is negative is none, and stays."""
+    return np.where(actions < 0, actions, UPSIDE_DOWN[actions]).astype(actions.dtype)
 
 
 def prepare_encoder(ruleset: Ruleset) -> None:

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -23,7 +23,6 @@ from policies.networks.first_person import FirstPerson, turn_upside_down
 from policies.networks.models import Net, PaperTeam, TeamNetwork, channels_last
 from policies.networks.play_settings import PlaySettings, at_temperature, mean_of_logs
 from policies.networks.precision import precision_of, to_act_in
-from policies.settings import read_settings
 
 CHUNK = 128
 """Seats in one pass: as many as keep what lies between the layers in the cores' own memory."""
@@ -197,15 +196,8 @@ class LearnedFactory:
     most_seats: int = 256
 
     def with_settings(self, text: str) -> "LearnedFactory":
-        """Return the same network played otherwise, as in "temperature=0,mirror=true".
-
-        Raises
-        ------
-        PolicyError
-            There is no such setting, or no such value of it.
-        """
-        settings = {**asdict(self.play), **read_settings(self.name, text, asdict(PlaySettings()))}
-        return replace(self, play=PlaySettings(**settings))
+        """Return the same network played otherwise; see `PlaySettings.with_`."""
+        return replace(self, play=self.play.with_(self.name, text))
 
     def __call__(self, ruleset: Ruleset, team: Team, n_seats: int) -> BatchPolicy:
         """Return the network in some seats."""

@@ -1,12 +1,14 @@
 """How a network plays: what becomes of its chances before an action is drawn."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arena.errors import PolicyError
 from policies.networks.models import NEVER
+from policies.settings import read_settings
 
 MOST_TEMPERATURE = 100.0
 """Beyond it, what is not legal would get a chance."""
@@ -32,6 +34,17 @@ class PlaySettings:
             raise PolicyError(f"the setting mirror is {self.mirror!r}; it must be true or false")
         if type(self.temperature) not in (int, float) or not 0 <= self.temperature <= MOST_TEMPERATURE:
             raise PolicyError(f"the temperature is {self.temperature!r}; it must be a number from 0 to {MOST_TEMPERATURE:g}")
+
+    def with_(self, name: str, text: str) -> "PlaySettings":
+        """Return a copy with what stands behind the name of a fighter, as in "temperature=0,mirror=true".
+
+        Raises
+        ------
+        PolicyError
+            There is no such setting, or no such value of it.
+        """
+        changed: dict[str, Any] = {**asdict(self), **read_settings(name, text, asdict(PlaySettings()))}
+        return PlaySettings(**changed)
 
 
 def at_temperature(logits: NDArray[np.float32], temperature: float) -> NDArray[np.float32]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.game.state import Rule, StateField, Tables
+from arena.game.types import Team
 from arena.jit import jit
 from policies.search.ways import Ways
 from policies.search.worlds import Worlds, units_of
@@ -94,10 +95,16 @@ MODELS = {
 """By the fighters that they are taken from: the columns of `Column`."""
 NAMES = tuple(MODELS)
 ROWS = np.array(list(MODELS.values()), np.int64)
+
 ASSIGN_EVERY = 4
 """Ticks between two looks at who takes which role, in playouts and in worlds that go on."""
 _NEAR_PRIZE = 6
 """How near to the enemy's flag nobody is called home."""
+
+
+def shares_of_models(worlds: Worlds, team: Team) -> NDArray[np.float64]:
+    """Return in which share of some worlds a team plays by each model, shape (models,)."""
+    return np.bincount(worlds.model[:, team], minlength=len(NAMES)) / len(worlds.model)
 
 
 def role_of_flyer(number: int) -> int:

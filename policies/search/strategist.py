@@ -5,7 +5,7 @@ is in the worlds that may be. The best of the blueprint's orders, the plan of th
 unit, as `policies.search.climb` does; the roles themselves say what to order, as they do in playouts.
 """
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -25,10 +25,9 @@ from policies.networks.play_settings import PlaySettings
 from policies.search.climb import BEST, BLUEPRINT, FLIES, LAST, PRESETS, TRIALS, WALKS, Effort, write_presets
 from policies.search.explain import explain
 from policies.search.mind import Mind
-from policies.search.models import NAMES, RUSH, SCOUT, Role
+from policies.search.models import NAMES, RUSH, SCOUT, Role, shares_of_models
 from policies.search.planner import can_look_ahead
 from policies.search.plans import FROM_ROLE
-from policies.settings import read_settings
 
 _WHOLE = np.array([BLUEPRINT, LAST, *range(PRESETS, TRIALS)])
 """Rows of the plans from which the climb begins."""
@@ -86,8 +85,7 @@ class Strategist(BatchPolicy):
         for seat, mind in enumerate(self.minds):
             mind.take_in(observations.select(slice(seat, seat + 1)), self._effort)
             write_presets(int(self.team), mind.plans[0], mind.benches[0])
-            models = mind.benches[0].now.model[:, self.team.other]
-            self.likely[seat] = np.bincount(models, minlength=len(NAMES)) / len(models)
+            self.likely[seat] = shares_of_models(mind.benches[0].now, self.team.other)
 
     def take_annotations(self, seat: int) -> bytes:
         """Return what a seat thought in the last `act`, and forget it."""
@@ -105,14 +103,14 @@ class Strategist(BatchPolicy):
         plans, everyone = [mind.plans[0] for mind in self.minds], np.arange(self.n_seats)
         is_turned, n_walkers = self.encoder.is_turned[:, None], self._flies.count(False)
         appraisal = Appraisal(self._network, self.encoded, self.likely, n_walkers, is_mirrored=self._play.mirror)
-        chance = self._draws(seeds)
+        chance = Draws(seeds, self._play.temperature, max(len(_WHOLE), 1 + len(WALKS), 1 + len(FLIES)))
 
         def weigh(
             role: NDArray[np.int64], first: NDArray[np.int64], is_kept: NDArray[np.bool_]
         ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
             """Return the logits of some plans of each seat, and which it takes."""
             logits = appraisal.logits(role, first)
-            return logits, (logits + _KEPT * is_kept + next(chance)[:, : len(is_kept)]).argmax(1)
+            return logits, (logits + _KEPT * is_kept + chance.draw()[:, : len(is_kept)]).argmax(1)
 
         role = np.stack([one.role[_WHOLE] for one in plans]).astype(np.int64)
         first = to_frame(np.stack([one.first[_WHOLE] for one in plans]).astype(np.int64), is_turned[..., None])
@@ -127,9 +125,6 @@ class Strategist(BatchPolicy):
             logits, best = weigh(some_roles, some_firsts, np.arange(1 + len(roles)) == 0)
             role, first = some_roles[everyone, best], some_firsts[everyone, best]
         return role, to_frame(first, is_turned), _share(logits[everyone, best])
-
-    def _draws(self, seeds: NDArray[np.uint64]) -> "Draws":
-        return Draws(seeds, self._play.temperature, max(len(_WHOLE), 1 + len(WALKS), 1 + len(FLIES)))
 
 
 def to_frame(first: NDArray[np.int64], is_turned: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -150,7 +145,7 @@ class Draws:
         self._shape, self._temperature = (len(seeds), n_choices), temperature
         self._of_seat = [np.random.default_rng(int(seed)) for seed in seeds] if temperature else []
 
-    def __next__(self) -> NDArray[np.float64]:
+    def draw(self) -> NDArray[np.float64]:
         """Return what to add to the logits of the next choice, shape (n_seats, n_choices)."""
         if not self._of_seat:
             return np.zeros(self._shape)
@@ -174,9 +169,8 @@ class StrategistFactory:
     most_seats: int = 64
 
     def with_settings(self, text: str) -> "StrategistFactory":
-        """Return the same network played otherwise, as `LearnedFactory.with_settings`."""
-        settings = {**asdict(self.play), **read_settings(self.name, text, asdict(PlaySettings()))}
-        return replace(self, play=PlaySettings(**settings))
+        """Return the same network played otherwise; see `PlaySettings.with_`."""
+        return replace(self, play=self.play.with_(self.name, text))
 
     def __call__(self, ruleset: Ruleset, team: Team, n_seats: int) -> BatchPolicy:
         """Return the network in some seats."""

@@ -9,7 +9,7 @@ from arena.game.types import Action, Team
 from policies.belief.belief import Belief
 from policies.search.climb import BEST, BLUEPRINT, PRESETS, TRIALS
 from policies.search.explain import Thought, WeighedPlan
-from policies.search.models import NAMES, Role
+from policies.search.models import NAMES, Role, shares_of_models
 from policies.search.plans import Plans
 from policies.search.playout import Bench
 from policies.search.worlds import units_of
@@ -23,7 +23,7 @@ def thought_of(
     own, (foe, _, last) = units_of(int(team), bench.tables)[0], units_of(int(team.other), bench.tables)
     columns = np.arange(side, dtype=np.uint64)
     rows = [row for row in (BLUEPRINT, BEST, *range(PRESETS, TRIALS)) if plans.n_tried[row]]
-    models = np.bincount(bench.now.model[:, team.other], minlength=len(NAMES)) / len(bench.now.model)
+    models = shares_of_models(bench.now, team.other)
     ways = {}
     for unit, order in enumerate(orders.tolist()):
         if state.alive[0, own + unit]:

@@ -5,28 +5,25 @@ come to, not the network's own guess of the next state.
 """
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
-from policies.networks.appraiser import Appraiser
-from policies.networks.checkpoint import check_size
+from policies.networks.appraiser import Appraiser, AppraiserShape
 from policies.networks.play_settings import PlaySettings
 from policies.networks.precision import autocast
 from policies.search.strategist import fresh_shape
 from policies.search.trials import UNTRIED
 from policies.training.appraise_settings import AppraiseSettings
 from policies.training.sample_run import Rows, SampleRun
-from policies.training.start import read_start
 from policies.training.trials import TrialFolder, Trials, mirrored
 
 
-class AppraiseRun(SampleRun[AppraiseSettings, Trials]):
+class AppraiseRun(SampleRun[AppraiseSettings, Trials, Appraiser]):
     """Learns the mean over the plans that were tried, and how each differs from it; see `SampleRun`.
 
     Plans of one sample were tried in the same worlds by the same chance. So how they differ says more than what they are worth,
@@ -37,18 +34,12 @@ class AppraiseRun(SampleRun[AppraiseSettings, Trials]):
     errors = ("mean_error", "spread_error", "explained")
     """Squared errors of the mean and of the differences; and how much of the differences' squares is explained: chance makes up
     most of them, the more the fewer worlds there are."""
-    network: Appraiser
 
-    def _make(self) -> None:
-        shape = fresh_shape(channels=self.settings.channels, blocks=self.settings.blocks)
-        check_size(shape)
-        self.network = Appraiser(shape)
-        if self.start:
-            self.network = read_start(Path(self.start), self.ruleset, self.network)
-        self.others = {}
+    def _shape(self) -> AppraiserShape:
+        return fresh_shape(channels=self.settings.channels, blocks=self.settings.blocks)
 
     def _fresh(self) -> Appraiser:
-        return Appraiser(self.network.shape)
+        return Appraiser(self._shape())
 
     def _mirror(self, samples: Trials, which: NDArray[np.bool_]) -> Trials:
         return mirrored(samples, which)
@@ -56,8 +47,7 @@ class AppraiseRun(SampleRun[AppraiseSettings, Trials]):
     def _tell(self, metrics: Mapping[str, float]) -> str:
         return f"explains {metrics['explained']:.3f} of how plans differ, unseen {metrics['unseen_explained']:.3f}"
 
-    def _loss(self, network: nn.Module, samples: Trials, rows: Rows, ruleset: Ruleset) -> tuple[Tensor, Tensor]:
-        assert isinstance(network, Appraiser)
+    def _loss(self, network: Appraiser, samples: Trials, rows: Rows, ruleset: Ruleset) -> tuple[Tensor, Tensor]:
         n_walkers = sum(not unit.flies for unit in ruleset.team(Team.BLUE))
         planes, scalars, cell, alive, likely, role, first, value = (
             torch.from_numpy(column[rows]).to(self.device) for column in samples

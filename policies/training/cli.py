@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,11 +16,22 @@ from arena.console import AsJson, complete_ruleset, print_json, print_table, say
 from arena.errors import InputError
 
 if TYPE_CHECKING:
+    from policies.training.gather_settings import GatherSettings
     from policies.training.methods import RunConfig
     from policies.training.parallel import Processes
+    from policies.training.sample_folder import SampleFolder
 
 METHODS = ("ppo", "reinforce", "distil", "appraise")
 _LINE_EVERY_S = 10.0
+
+Matches = Annotated[int, typer.Option(min=1, help="How many matches the folder is to hold.")]
+NProcesses = Annotated[int | None, typer.Option(min=1, help="As many as there are processors, by default.")]
+Rules = Annotated[str, typer.Option(autocompletion=complete_ruleset, help="The ruleset.")]
+MapSeed = Annotated[int, typer.Option(min=0, help="Of the maps and the matches.")]
+Assignments = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, as in --set opponents.rush=0.5; may be repeated."),
+]
 
 train = typer.Typer(invoke_without_command=True, pretty_exceptions_enable=False)
 
@@ -154,14 +165,11 @@ def demonstrate(
     student: Annotated[
         str, typer.Option(metavar="FILE|NAME", help="A network that plays most of the matches; else the teacher plays all.")
     ] = "",
-    matches: Annotated[int, typer.Option(min=1, help="How many matches the folder is to hold.")] = 1000,
-    processes: Annotated[int | None, typer.Option(min=1, help="As many as there are processors, by default.")] = None,
-    rules: Annotated[str, typer.Option(autocompletion=complete_ruleset, help="The ruleset.")] = "paper",
-    seed: Annotated[int, typer.Option(min=0, help="Of the maps and the matches.")] = 1,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, as in --set opponents.rush=0.5; may be repeated."),
-    ] = None,
+    matches: Matches = 1000,
+    processes: NProcesses = None,
+    rules: Rules = "paper",
+    seed: MapSeed = 1,
+    settings: Assignments = None,
 ) -> None:
     """Play matches to learn from with --method distil: a teacher says in every tick what it would order."""
     from arena.extras import needs
@@ -172,13 +180,7 @@ def demonstrate(
         from policies.training.demonstrations import DemonstrationFolder
 
     chosen = DemonstrationSettings(teacher=teacher, student=student, rules=rules, seed=seed).with_(settings or ())
-    stops = _stop_on_signals()
-    with _reporting(str(out), True) as report:
-        n_processes = processes or len(os.sched_getaffinity(0))
-        is_done = play(DemonstrationFolder(out), chosen, matches, n_processes, report, lambda: bool(stops))
-    say(f"demonstrations: {out}")
-    if not is_done:
-        say("stopped early; the same command goes on")
+    _gather(DemonstrationFolder(out), chosen, matches, processes, play)
 
 
 @train.command()
@@ -188,14 +190,11 @@ def try_plans(
         str,
         typer.Option(metavar="FILE|NAME", help="A network that values plans; else what did best in playouts is played."),
     ] = "",
-    matches: Annotated[int, typer.Option(min=1, help="How many matches the folder is to hold.")] = 1000,
-    processes: Annotated[int | None, typer.Option(min=1, help="As many as there are processors, by default.")] = None,
-    rules: Annotated[str, typer.Option(autocompletion=complete_ruleset, help="The ruleset.")] = "paper",
-    seed: Annotated[int, typer.Option(min=0, help="Of the maps and the matches.")] = 1,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, as in --set opponents.rush=0.5; may be repeated."),
-    ] = None,
+    matches: Matches = 1000,
+    processes: NProcesses = None,
+    rules: Rules = "paper",
+    seed: MapSeed = 1,
+    settings: Assignments = None,
 ) -> None:
     """Play matches to learn from with --method appraise: in every tick, plans are tried in playouts."""
     from arena.extras import needs
@@ -205,11 +204,18 @@ def try_plans(
         from policies.training.try_plans import TrialSettings, try_in_matches
 
     chosen = TrialSettings(student=student, rules=rules, seed=seed).with_(settings or ())
+    _gather(TrialFolder(out), chosen, matches, processes, try_in_matches)
+
+
+def _gather(
+    folder: "SampleFolder[Any]", settings: "GatherSettings", matches: int, processes: int | None, play: Callable[..., bool]
+) -> None:
+    """Add matches to a folder until it holds as many, or a signal comes."""
     stops = _stop_on_signals()
-    with _reporting(str(out), True) as report:
+    with _reporting(str(folder.path), True) as report:
         n_processes = processes or len(os.sched_getaffinity(0))
-        is_done = try_in_matches(TrialFolder(out), chosen, matches, n_processes, report, lambda: bool(stops))
-    say(f"trials: {out}")
+        is_done = play(folder, settings, matches, n_processes, report, lambda: bool(stops))
+    say(f"{folder.what}: {folder.path}")
     if not is_done:
         say("stopped early; the same command goes on")
 

@@ -4,7 +4,7 @@ Source: Ross, Gordon, Bagnell, "A reduction of imitation learning and structured
 2011). The teacher has a mind for each seat, which hears of all that happened there, whoever played.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from arena.envs.batched import BatchedEnv
 from arena.errors import InputError
-from arena.game.ruleset import Ruleset, parse_overrides
+from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
-from arena.game.types import Action, Team
+from arena.game.types import Action
 from policies.networks.features import ONE, Encoded
 from policies.networks.judges import N_ENEMY_PLANES, N_TRUTH_PLANES
 from policies.networks.learned import choose, infer
@@ -27,30 +27,25 @@ from policies.search.planner import MOST_SIDE, Planner
 from policies.training.clone import Teacher, as_legal
 from policies.training.demonstrations import CERTAIN, UNKNOWN, DemonstrationFolder, Demonstrations
 from policies.training.gather import gather
-from policies.training.opponents import BEST, PAST, SELF, Opponents, check_self_play
+from policies.training.gather_settings import GatherSettings
+from policies.training.opponents import BEST, PAST, Opponents, check_self_play
 from policies.training.record import ReportProgress
 from policies.training.rollout import LearnerSeats, Results
-from policies.training.settings import MOST_SEED, check_range, check_shares, merge_shares, read_values
+from policies.training.settings import check_range
 from policies.training.start import read_student
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DemonstrationSettings:
-    """What demonstrations are of."""
+class DemonstrationSettings(GatherSettings):
+    """What demonstrations are of. Without a student, the teacher plays all matches."""
 
     teacher: str = "planner-fast"
-    student: str = ""
-    """A checkpoint's file or a shipped network's name, or nothing: the teacher plays all matches."""
     own: float = 0.7
     """Share of the matches that the student plays, where there is one; the teacher plays the rest."""
     temperature: float = 1.0
     """At which the student's orders are drawn; at 0 it plays the likeliest."""
-    rules: str = "paper"
-    seed: int = 1
-    games: int = 24
-    """Matches that a process plays at once."""
     file_samples: int = 4096
-    """Samples from which on a file is written: 31 MB in memory under the ruleset `paper`, 2 MB on the disk."""
+    """31 MB in memory under the ruleset `paper`, 2 MB on the disk."""
     opponents: dict[str, float] = field(
         default_factory=lambda: {
             "self": 0.05, "planner-fast": 0.13, "role_team": 0.12, "squad": 0.1, "turtle": 0.12, "border_hunter": 0.12,
@@ -61,23 +56,13 @@ class DemonstrationSettings:
     """Share of the matches against each: `self` is learned from on both sides, any other is a fighter."""
 
     def __post_init__(self) -> None:
-        check_range(self, "seed", 0, MOST_SEED)
-        check_range(self, "games", 1, 10**6)
-        check_range(self, "file_samples", 1, 10**9)
+        self.check()
         check_range(self, "own", 0, 1)
         check_range(self, "temperature", 0, MOST_TEMPERATURE)
-        check_shares("opponents", self.opponents)
         if others := {BEST, PAST} & set(self.opponents):
             raise InputError(
                 f"the setting opponents names {', '.join(sorted(others))}, which PPO alone has; name a checkpoint's file"
             )
-
-    def with_(self, assignments: Iterable[str]) -> "DemonstrationSettings":
-        """Return a copy with values such as "own=0.5" or "opponents.rush=0.5" replaced."""
-        new: Mapping[str, Any] = parse_overrides(assignments)
-        if "opponents" in new:
-            new = {**new, "opponents": merge_shares("opponents", self.opponents, new["opponents"])}
-        return read_values(DemonstrationSettings, {**asdict(self), **new})
 
 
 def check(settings: DemonstrationSettings) -> Ruleset:
@@ -88,18 +73,13 @@ def check(settings: DemonstrationSettings) -> Ruleset:
     InputError
         Somebody cannot, or is not there.
     """
-    ruleset = load_rules(settings.rules)
-    if not ruleset.team(Team.BLUE):
-        raise InputError(f"ruleset {ruleset.name}: blue has no units to show anything with")
+    ruleset = settings.load_rules()
     check_self_play(ruleset, settings.opponents)
     teacher = load(settings.teacher)
     if isinstance(teacher, type) and issubclass(teacher, Planner) and ruleset.side > MOST_SIDE:
         raise InputError(
             f"{settings.teacher} cannot teach under {ruleset.name}: it looks ahead on boards of up to {MOST_SIDE} cells a side"
         )
-    for name in settings.opponents:
-        if name != SELF:
-            load(name)
     load_student(settings)
     return ruleset
 

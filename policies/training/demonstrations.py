@@ -1,12 +1,12 @@
 """Demonstrations: what seats saw, what a teacher would have ordered there, and how the match ended."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.networks.features import UPSIDE_DOWN
-from policies.training.sample_folder import SampleFolder
+from policies.networks.features import UPSIDE_DOWN, actions_upside_down, cells_upside_down
+from policies.training.sample_folder import SampleFolder, choose
 
 UNKNOWN = -1
 """The label of a unit that is not alive."""
@@ -43,15 +43,12 @@ class DemonstrationFolder(SampleFolder[Demonstrations]):
 
 def mirrored(samples: Demonstrations, which: NDArray[np.bool_]) -> Demonstrations:
     """Return a copy in which some samples are mirrored north to south, where everything is worth the same; shape (n,)."""
-    side = samples.planes.shape[1]
-    row, column = np.divmod(samples.cell, side)
     turned = samples._replace(
         planes=samples.planes[:, ::-1],
-        cell=((side - 1 - row) * side + column).astype(np.int16),
+        cell=cells_upside_down(samples.cell, samples.planes.shape[1]),
         legal=samples.legal[..., UPSIDE_DOWN],
-        labels=np.where(samples.labels == UNKNOWN, UNKNOWN, UPSIDE_DOWN[samples.labels]).astype(np.int8),
+        labels=actions_upside_down(samples.labels),
         chances=samples.chances[..., UPSIDE_DOWN],
         enemies=samples.enemies[:, ::-1],
     )
-    both: list[tuple[NDArray[Any], NDArray[Any]]] = list(zip(samples, turned, strict=True))
-    return Demonstrations(*(np.where(which.reshape(-1, *[1] * (one.ndim - 1)), other, one) for one, other in both))
+    return choose(which, turned, samples)

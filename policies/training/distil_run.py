@@ -6,7 +6,6 @@ iteration: Anthony, Tian, Barber, "Thinking fast and slow with deep learning and
 """
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -16,35 +15,30 @@ from torch.nn import functional
 
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
-from policies.networks.checkpoint import check_size
 from policies.networks.judges import Judge, Locator
 from policies.networks.models import TeamNetwork, TeamShape
 from policies.networks.precision import autocast
 from policies.training.demonstrations import CERTAIN, DemonstrationFolder, Demonstrations, mirrored
 from policies.training.distil_settings import DistilSettings
 from policies.training.sample_run import Rows, SampleRun
-from policies.training.start import read_start
 
 
-class DistilRun(SampleRun[DistilSettings, Demonstrations]):
+class DistilRun(SampleRun[DistilSettings, Demonstrations, TeamNetwork]):
     """Learns orders, and beside them the match's end and where the enemy is; see `SampleRun`."""
 
     method, folder_type = "distil", DemonstrationFolder
     errors = ("loss", "agreed", "value_loss", "belief_loss")
     """Cross entropies in nats, the share of orders that are the teacher's, a squared error."""
-    network: TeamNetwork
 
-    def _make(self) -> None:
-        shape = TeamShape(channels=self.settings.channels, blocks=self.settings.blocks)
-        check_size(shape)
-        self.network = TeamNetwork(shape)
-        if self.start:
-            self.network = read_start(Path(self.start), self.ruleset, self.network)
-        self.judge, self.locator = Judge(self.network.shape), Locator(self.network.shape)
-        self.others = {"judge": self.judge, "locator": self.locator}
+    def _shape(self) -> TeamShape:
+        return TeamShape(channels=self.settings.channels, blocks=self.settings.blocks)
 
     def _fresh(self) -> TeamNetwork:
-        return TeamNetwork(self.network.shape)
+        return TeamNetwork(self._shape())
+
+    def _heads(self) -> dict[str, nn.Module]:
+        self.judge, self.locator = Judge(self._shape()), Locator(self._shape())
+        return {"judge": self.judge, "locator": self.locator}
 
     def _mirror(self, samples: Demonstrations, which: NDArray[np.bool_]) -> Demonstrations:
         return mirrored(samples, which)
@@ -52,8 +46,7 @@ class DistilRun(SampleRun[DistilSettings, Demonstrations]):
     def _tell(self, metrics: Mapping[str, float]) -> str:
         return f"agrees with the teacher in {metrics['agreed']:.3f}, unseen {metrics['unseen_agreed']:.3f}"
 
-    def _loss(self, network: nn.Module, samples: Demonstrations, rows: Rows, ruleset: Ruleset) -> tuple[Tensor, Tensor]:
-        assert isinstance(network, TeamNetwork)
+    def _loss(self, network: TeamNetwork, samples: Demonstrations, rows: Rows, ruleset: Ruleset) -> tuple[Tensor, Tensor]:
         n_walkers = sum(not unit.flies for unit in ruleset.team(Team.BLUE))
         planes, scalars, cell, legal, labels, chances, enemies, outcome = (
             torch.from_numpy(column[rows]).to(self.device) for column in samples

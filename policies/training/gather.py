@@ -17,6 +17,7 @@ import torch
 from numpy.typing import NDArray
 
 from arena.errors import ArenaError
+from policies.training.gather_settings import GatherSettings
 from policies.training.record import ReportProgress
 from policies.training.sample_folder import LostFolderError, SampleFolder
 
@@ -33,14 +34,6 @@ class Player(Protocol):
     def play_tick(self) -> Iterator[tuple[int, tuple[Any, ...]]]:
         """Play a tick in every row, and yield each seat whose match has ended, with its samples."""
         ...
-
-
-class GatherSettings(Protocol):
-    """What matches are played for."""
-
-    @property
-    def file_samples(self) -> int:
-        """Samples from which on a file is written."""
 
 
 MakePlayer = Callable[[Any, int, int], Player]

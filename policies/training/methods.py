@@ -10,7 +10,7 @@ from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from policies.networks.checkpoint import read_manifest
 from policies.registry import CHECKPOINT, load, shipped
-from policies.training import appraise_settings, distil_settings, ppo_settings, reinforce_settings
+from policies.training import ppo_settings, reinforce_settings
 from policies.training.appraise_settings import AppraiseSettings
 from policies.training.budget import Budget
 from policies.training.distil_settings import DistilSettings
@@ -20,14 +20,12 @@ from policies.training.parallel import Processes
 from policies.training.ppo_settings import PpoSettings
 from policies.training.record import ReportProgress
 from policies.training.reinforce_settings import ReinforceSettings
+from policies.training.settings import read_values
 
 PPO, REINFORCE, DISTIL, APPRAISE = "ppo", "reinforce", "distil", "appraise"
 Settings = PpoSettings | ReinforceSettings | DistilSettings | AppraiseSettings
-_READ: dict[str, Callable[[dict[str, Any]], Settings]] = {
-    PPO: ppo_settings.from_dict, REINFORCE: reinforce_settings.from_dict, DISTIL: distil_settings.from_dict,
-    APPRAISE: appraise_settings.from_dict,
-}  # fmt: skip
-_FROM_FILES = (DISTIL, APPRAISE)
+_FROM_FILES: dict[str, type[DistilSettings] | type[AppraiseSettings]] = {DISTIL: DistilSettings, APPRAISE: AppraiseSettings}
+"""Methods that learn from samples in files."""
 DEFAULT_SAMPLES, DEFAULT_EPISODES = 3_000_000, 20_000
 
 
@@ -80,7 +78,11 @@ def read_config(values: dict[str, Any]) -> RunConfig:
     method = values.get("method", PPO)
     try:
         given, budget = values["settings"], Budget(**values["budget"])
-        settings = _READ.get(method, ppo_settings.from_dict)(given)
+        settings: Settings
+        if method == REINFORCE:
+            settings = reinforce_settings.from_dict(given)
+        else:
+            settings = read_values(_FROM_FILES[method], given) if method in _FROM_FILES else ppo_settings.from_dict(given)
         return RunConfig(method=method, start=values["start"], budget=budget, settings=settings)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"the settings of this run are not as they were written ({error}); begin another") from error
@@ -125,12 +127,9 @@ def make_config(
     start = str(known.get(start, start))
     if method != REINFORCE:
         assignments = [*_shape_of(Path(start)), *assignments]
-    if method == DISTIL:
-        taught = DistilSettings(rules=rules or "paper", seed=seed, data=list(data)).with_(assignments)
+    if method in _FROM_FILES:
+        taught = _FROM_FILES[method](rules=rules or "paper", seed=seed, data=list(data)).with_(assignments)
         return RunConfig(method=method, start=start, budget=checked(method, budget), settings=taught)
-    if method == APPRAISE:
-        tried = AppraiseSettings(rules=rules or "paper", seed=seed, data=list(data)).with_(assignments)
-        return RunConfig(method=method, start=start, budget=checked(method, budget), settings=tried)
     if method == REINFORCE:
         chosen = ReinforceSettings(rules=rules or "exp1", seed=seed).with_(assignments)
         return RunConfig(method=method, start=start, budget=Budget(episodes=DEFAULT_EPISODES), settings=chosen).with_budget(

@@ -10,9 +10,10 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, ClassVar, Generic, NamedTuple, TypeVar, cast
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arena.errors import ArenaError, InputError
 from arena.folders import hold_folder, make_folder
@@ -22,7 +23,7 @@ from policies.networks.features import FEATURES_VERSION
 from policies.training.settings import read_kept
 
 _FILE = re.compile(r"(\d+)-(\d{5,})-(\d+)-(\d+)\.npz")
-Samples = TypeVar("Samples", bound=tuple[Any, ...])
+Samples = TypeVar("Samples", bound=NamedTuple)
 """A named tuple of arrays whose first axis is that of the samples."""
 
 
@@ -35,7 +36,16 @@ class LostFolderError(InputError):
 
 def join(parts: Sequence[Samples]) -> Samples:
     """Return all samples of some."""
-    return _as_named(type(parts[0]), [np.concatenate(columns) for columns in zip(*parts, strict=True)])
+    return type(parts[0])._make([np.concatenate(columns) for columns in zip(*parts, strict=True)])
+
+
+def choose(which: NDArray[np.bool_], ones: Samples, others: Samples) -> Samples:
+    """Return some samples where `which` says so, and others elsewhere; shape (n,)."""
+
+    def column(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+        return other if one is other else np.where(which.reshape(-1, *[1] * (one.ndim - 1)), one, other)
+
+    return type(others)._make([column(one, other) for one, other in zip(ones, others, strict=True)])
 
 
 class File(NamedTuple):
@@ -130,7 +140,7 @@ class SampleFolder(Generic[Samples]):
         n_samples = len(samples[0])
         path = self.path / f"{process}-{number:05d}-{len(matches)}-{n_samples}.npz"
         buffer = io.BytesIO()
-        np.savez_compressed(buffer, **dict(zip(_names(self.columns), samples, strict=True)))
+        np.savez_compressed(buffer, **dict(zip(self.columns._fields, samples, strict=True)))
         try:
             write_whole(path, buffer.getvalue())
         except ArenaError as error:
@@ -139,7 +149,8 @@ class SampleFolder(Generic[Samples]):
             raise
         return File(path, process, number, len(matches), n_samples)
 
-    def read(self, path: Path) -> Samples:
+    @classmethod
+    def read(cls, path: Path) -> Samples:
         """Return the samples of a file.
 
         Raises
@@ -149,7 +160,7 @@ class SampleFolder(Generic[Samples]):
         """
         try:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-                return _as_named(self.columns, [arrays[name] for name in _names(self.columns)])
+                return cls.columns._make(arrays[name] for name in cls.columns._fields)
         except MemoryError:
             raise
         except Exception as error:  # the archive, its compression and its arrays have errors of their own
@@ -162,11 +173,3 @@ class SampleFolder(Generic[Samples]):
 
     def _versions(self, ruleset: Ruleset) -> dict[str, Any]:
         return {"format": self.format, "features": FEATURES_VERSION, "ruleset": ruleset.name, "ruleset_hash": ruleset.hash}
-
-
-def _names(kind: type[Samples]) -> tuple[str, ...]:
-    return cast(Any, kind)._fields  # type: ignore[no-any-return]  # which named tuples have, and their bound does not say
-
-
-def _as_named(kind: type[Samples], columns: Sequence[Any]) -> Samples:
-    return cast(Any, kind)(*columns)  # type: ignore[no-any-return]  # as a named tuple is made

@@ -13,9 +13,9 @@ from torch import Tensor, nn
 
 from arena.errors import InputError
 from arena.game.ruleset import Ruleset
-from policies.networks.checkpoint import describe, save_checkpoint
+from policies.networks.checkpoint import check_size, describe, save_checkpoint
 from policies.networks.learned import CHUNK
-from policies.networks.models import channels_last
+from policies.networks.models import TeamShape, channels_last
 from policies.networks.play_settings import PlaySettings
 from policies.networks.precision import precision_of
 from policies.training.folder import LAST, STEP
@@ -23,6 +23,7 @@ from policies.training.gradients import bound_gradients
 from policies.training.record import Record
 from policies.training.sample_folder import File, SampleFolder, Samples, join
 from policies.training.sample_settings import SampleSettings
+from policies.training.start import Seated, read_start
 from policies.training.training_run import TrainingRun
 
 MOST_NORM = 1.0
@@ -77,7 +78,7 @@ def choose_unseen(files: Iterable[File]) -> set[File]:
     return set(unseen.values())
 
 
-class SampleRun(TrainingRun[Settings], Generic[Settings, Samples]):
+class SampleRun(TrainingRun[Settings], Generic[Settings, Samples, Seated]):
     """One run in one process of perhaps several; see `TrainingRun`."""
 
     method: ClassVar[str]
@@ -87,24 +88,28 @@ class SampleRun(TrainingRun[Settings], Generic[Settings, Samples]):
     """How what is saved is to be played."""
     folder_type: type[SampleFolder[Samples]]
     counts: Counts
-    network: nn.Module
+    network: Seated
     """What is saved as a checkpoint, averaged over its last steps."""
     others: dict[str, nn.Module]
     """What learns beside it, and is saved in the run's state alone."""
 
-    def _make(self) -> None:
-        """Make `network` and `others`, on the CPU."""
+    def _shape(self) -> TeamShape:
+        """Return the shape that the settings ask for."""
         raise NotImplementedError
 
-    def _fresh(self) -> nn.Module:
-        """Return another network of the same shape."""
+    def _fresh(self) -> Seated:
+        """Return a network of that shape, on the CPU."""
         raise NotImplementedError
+
+    def _heads(self) -> dict[str, nn.Module]:
+        """Return what is to learn beside the network, on the CPU."""
+        return {}
 
     def _mirror(self, samples: Samples, which: NDArray[np.bool_]) -> Samples:
         """Return a copy in which some samples are mirrored north to south; shape (n,)."""
         raise NotImplementedError
 
-    def _loss(self, network: nn.Module, samples: Samples, rows: Rows, ruleset: Ruleset) -> tuple[Tensor, Tensor]:
+    def _loss(self, network: Seated, samples: Samples, rows: Rows, ruleset: Ruleset) -> tuple[Tensor, Tensor]:
         """Return what is to become small, and `errors`, both over some rows of the samples."""
         raise NotImplementedError
 
@@ -132,7 +137,11 @@ class SampleRun(TrainingRun[Settings], Generic[Settings, Samples]):
                 f" `{command}` adds some, with more --matches"
             )
         torch.manual_seed(settings.seed)
-        self._make()
+        check_size(self._shape())
+        self.network = self._fresh()
+        if self.start:
+            self.network = read_start(Path(self.start), self.ruleset, self.network)
+        self.others = self._heads()
         for module in (self.network, *self.others.values()):
             channels_last(module.to(self.device))
         self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
@@ -208,14 +217,11 @@ class SampleRun(TrainingRun[Settings], Generic[Settings, Samples]):
         """Yield the minibatches of some files, which are of one ruleset each; half of their samples are mirrored."""
         for wanted in dict.fromkeys(self._files[index][1].hash for index in files):
             mine = [self._files[index] for index in files if self._files[index][1].hash == wanted]
-            samples = join([self._read(path) for path, _ in mine])
+            samples = join([self.folder_type.read(path) for path, _ in mine])
             n = len(samples[0])
             samples = self._mirror(samples, rng.random(n) < 0.5)
             parts = np.array_split(rng.permutation(n), max(round(n / self.settings.minibatch), 1))
             yield [(samples, rows, mine[0][1]) for rows in parts]
-
-    def _read(self, path: Path) -> Samples:
-        return self.folder_type(path.parent).read(path)
 
     def _set_rate(self) -> float:
         done = min(self.progress, 1.0)
@@ -247,9 +253,10 @@ class SampleRun(TrainingRun[Settings], Generic[Settings, Samples]):
     def _judge_unseen(self, rng: np.random.Generator) -> list[float]:
         """Return `errors` with the averaged weights, on some samples that are not learned from."""
         path, ruleset = self._unseen[self.counts.step % len(self._unseen)]
-        samples = self._read(path)
+        samples = self.folder_type.read(path)
         rows = rng.permutation(len(samples[0]))[: self.settings.minibatch]
-        averaged = channels_last(self._fresh().to(self.device))
+        averaged = self._fresh()
+        channels_last(averaged.to(self.device))
         averaged.load_state_dict(self.average)
         sums = torch.zeros(len(self.errors), device=self.device)
         with torch.inference_mode():

@@ -10,7 +10,7 @@ from policies.networks.checkpoint import Checkpoint, load_checkpoint, shape_of
 from policies.networks.models import TeamNetwork
 from policies.registry import CHECKPOINT, shipped
 
-Seated = TypeVar("Seated", TeamNetwork, Appraiser)
+Seated = TypeVar("Seated", bound=TeamNetwork | Appraiser)
 
 
 def read_student(name: str, fresh: Seated) -> Seated:
@@ -52,7 +52,8 @@ def read_start(path: Path, ruleset: Ruleset, fresh: Seated) -> Seated:
         raise InputError(
             f"cannot start from {path}: it was trained on ruleset {checkpoint.manifest.ruleset}, not on {ruleset.name} of today"
         )
-    return network.train().requires_grad_(True)
+    network.train().requires_grad_(True)
+    return network
 
 
 def _network_of(checkpoint: Checkpoint, path: Path, purpose: str, fresh: Seated) -> Seated:

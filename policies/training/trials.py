@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.networks.features import UPSIDE_DOWN
-from policies.training.sample_folder import SampleFolder
+from policies.networks.features import actions_upside_down, cells_upside_down
+from policies.training.sample_folder import SampleFolder, choose
 
 
 class Trials(NamedTuple):
@@ -38,11 +38,9 @@ class TrialFolder(SampleFolder[Trials]):
 
 def mirrored(samples: Trials, which: NDArray[np.bool_]) -> Trials:
     """Return a copy in which some samples are mirrored north to south, where every plan is worth the same; shape (n,)."""
-    side = samples.planes.shape[1]
-    row, column = np.divmod(samples.cell, side)
-    first = np.where(samples.first < 0, samples.first, UPSIDE_DOWN[samples.first])
-    return samples._replace(
-        planes=np.where(which[:, None, None, None], samples.planes[:, ::-1], samples.planes),
-        cell=np.where(which[:, None], (side - 1 - row) * side + column, samples.cell).astype(np.int16),
-        first=np.where(which[:, None, None], first, samples.first).astype(np.int8),
+    turned = samples._replace(
+        planes=samples.planes[:, ::-1],
+        cell=cells_upside_down(samples.cell, samples.planes.shape[1]),
+        first=actions_upside_down(samples.first),
     )
+    return choose(which, turned, samples)

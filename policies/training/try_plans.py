@@ -4,7 +4,7 @@ So it learns from the positions that it gets itself into, and from the plans tha
 learner, whatever did best in the playouts is played.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -14,23 +14,23 @@ from numpy.typing import NDArray
 from arena.envs.batched import BatchedEnv
 from arena.errors import InputError
 from arena.game.observation import Observations
-from arena.game.ruleset import Ruleset, parse_overrides
+from arena.game.ruleset import Ruleset
 from arena.game.ruleset import load as load_rules
 from arena.game.types import Team
 from policies.networks.appraiser import Appraiser
 from policies.networks.models import TeamNetwork, TeamShape
 from policies.networks.play_settings import PlaySettings
-from policies.registry import load
 from policies.search.climb import BEST, BLUEPRINT, LAST, Effort
 from policies.search.planner import MOST_SIDE
 from policies.search.plans import copy_plan
 from policies.search.strategist import Strategist, fresh_shape, to_frame
 from policies.search.trials import UNTRIED, try_plans, write_variants
 from policies.training.gather import gather
+from policies.training.gather_settings import GatherSettings
 from policies.training.opponents import BEST as BEST_SELF
 from policies.training.opponents import PAST, SELF, Opponents
 from policies.training.record import ReportProgress
-from policies.training.settings import MOST_SEED, check_range, check_shares, merge_shares, read_values
+from policies.training.settings import check_range
 from policies.training.start import read_student
 from policies.training.trials import TrialFolder, Trials
 
@@ -41,21 +41,15 @@ _SALT = np.uint64(0x7A11)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrialSettings:
-    """What trials are of."""
+class TrialSettings(GatherSettings):
+    """What trials are of. Without a student, what did best in playouts is played."""
 
-    student: str = ""
-    """A checkpoint of an `Appraiser`, a shipped one's name, or nothing: what did best in playouts is played."""
     worlds: int = 3
     """Worlds in which each plan is tried."""
     stray: float = 0.06
     """Share of the ticks in which any plan is played instead of the best, so that there is something to mend."""
-    rules: str = "paper"
-    seed: int = 1
-    games: int = 24
-    """Matches that a process plays at once."""
     file_samples: int = 8192
-    """Samples from which on a file is written: 65 MB in memory under the ruleset `paper`, 5 MB on the disk."""
+    """65 MB in memory under the ruleset `paper`, 5 MB on the disk."""
     opponents: dict[str, float] = field(
         default_factory=lambda: {
             "planner-fast": 0.06, "champion": 0.08, "role_team": 0.14, "squad": 0.1, "turtle": 0.1, "border_hunter": 0.1,
@@ -63,24 +57,13 @@ class TrialSettings:
             "spiral": 0.04, "random": 0.02,
         }
     )  # fmt: skip
-    """Share of the matches against each."""
 
     def __post_init__(self) -> None:
-        check_range(self, "seed", 0, MOST_SEED)
+        self.check()
         check_range(self, "worlds", 1, Strategist.n_worlds)
-        check_range(self, "games", 1, 10**6)
-        check_range(self, "file_samples", 1, 10**9)
         check_range(self, "stray", 0, 1)
-        check_shares("opponents", self.opponents)
         if others := {SELF, BEST_SELF, PAST} & set(self.opponents):
             raise InputError(f"the setting opponents names {', '.join(sorted(others))}; name fighters, or a checkpoint's file")
-
-    def with_(self, assignments: Iterable[str]) -> "TrialSettings":
-        """Return a copy with values such as "stray=0.1" or "opponents.rush=0.5" replaced."""
-        new: Mapping[str, Any] = parse_overrides(assignments)
-        if "opponents" in new:
-            new = {**new, "opponents": merge_shares("opponents", self.opponents, new["opponents"])}
-        return read_values(TrialSettings, {**asdict(self), **new})
 
 
 def check(settings: TrialSettings) -> Ruleset:
@@ -91,13 +74,9 @@ def check(settings: TrialSettings) -> Ruleset:
     InputError
         Somebody cannot, or is not there.
     """
-    ruleset = load_rules(settings.rules)
-    if not ruleset.team(Team.BLUE):
-        raise InputError(f"ruleset {ruleset.name}: blue has no units to show anything with")
+    ruleset = settings.load_rules()
     if ruleset.side > MOST_SIDE:
         raise InputError(f"plans are tried on boards of up to {MOST_SIDE} cells a side, and {ruleset.name} has {ruleset.side}")
-    for name in settings.opponents:
-        load(name)
     read_network(settings)
     return ruleset
 
