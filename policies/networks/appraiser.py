@@ -7,13 +7,11 @@ takes thirty. It learns from playouts. Most of what one of them says is chance; 
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from policies.networks.features import N_PLANES, N_SCALARS, ONE, Encoded, actions_upside_down, upside_down
+from policies.networks.features import N_PLANES, N_SCALARS, ONE
 from policies.networks.models import N_ACTIONS, TeamShape, Trunk, features_around, n_around, planes_around, summarise
 
 _VALUES = 64
@@ -104,37 +102,3 @@ class Appraiser(nn.Module):
 def _kinds(n_walkers: int) -> tuple[slice, slice]:
     """Return the units that walk, and those that fly."""
     return slice(0, n_walkers), slice(n_walkers, None)
-
-
-class Appraisal:
-    """What an `Appraiser` makes of the seats of one tick, for those who know no tensors.
-
-    Parameters
-    ----------
-    likely
-        float32, shape (n, models), as `Appraiser.look`.
-    is_mirrored
-        Whether logits are the mean of those on the board and on its north-south mirror image.
-    """
-
-    def __init__(
-        self, network: Appraiser, encoded: Encoded, likely: NDArray[np.float32], n_walkers: int, *, is_mirrored: bool
-    ) -> None:
-        self._network, self._n_walkers = network, n_walkers
-        self._views = [self._look(encoded, likely)]
-        if is_mirrored:
-            self._views.append(self._look(upside_down(encoded), likely))
-
-    def logits(self, role: NDArray[np.int64], first: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return the logit of each plan's share of a win, shape (n, plans); the plans are those of `Appraiser.appraise`."""
-        with torch.inference_mode():
-            roles, total = torch.from_numpy(role), torch.zeros(role.shape[:2])
-            for view, turned in zip(self._views, (first, actions_upside_down(first)), strict=False):
-                total += self._network.appraise(view, roles, torch.from_numpy(turned), self._n_walkers)
-            return np.asarray((total / len(self._views)).numpy())
-
-    def _look(self, encoded: Encoded, likely: NDArray[np.float32]) -> Outlook:
-        arrays = (encoded.planes, encoded.scalars, encoded.cell, encoded.alive, likely)
-        planes, scalars, cell, alive, models = map(torch.from_numpy, arrays)
-        with torch.inference_mode():
-            return self._network.look(planes, scalars, cell, alive, models, self._n_walkers)

@@ -17,7 +17,8 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.policy import BatchPolicy, Orders
-from policies.networks.appraiser import Appraisal, Appraiser, AppraiserShape
+from policies.networks.appraisal import Appraisal, read_head
+from policies.networks.appraiser import Appraiser, AppraiserShape
 from policies.networks.checkpoint import Checkpoint
 from policies.networks.features import Encoder, mirror
 from policies.networks.learned import limit_threads
@@ -45,7 +46,7 @@ class Strategist(BatchPolicy):
 
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, network: Appraiser, play: PlaySettings, name: str) -> None:
         super().__init__(ruleset, team, n_seats)
-        self._network, self._play = network, play
+        self._network, self._head, self._play = network, read_head(network), play
         self._effort = _EFFORT if can_look_ahead(name, ruleset) else _EFFORT._replace(budget=0)
         self.minds = [Mind(ruleset, team, self.n_worlds, 1) for _ in range(n_seats)]
         self.encoder = Encoder(ruleset, team, n_seats)
@@ -102,7 +103,7 @@ class Strategist(BatchPolicy):
         """Return the role and the first order of each unit, shape (n_seats, units), and what the network makes of that."""
         plans, everyone = [mind.plans[0] for mind in self.minds], np.arange(self.n_seats)
         is_turned, n_walkers = self.encoder.is_turned[:, None], self._flies.count(False)
-        appraisal = Appraisal(self._network, self.encoded, self.likely, n_walkers, is_mirrored=self._play.mirror)
+        appraisal = Appraisal(self._network, self._head, self.encoded, self.likely, n_walkers, is_mirrored=self._play.mirror)
         chance = Draws(seeds, self._play.temperature, max(len(_WHOLE), 1 + len(WALKS), 1 + len(FLIES)))
 
         def weigh(

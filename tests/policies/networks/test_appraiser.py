@@ -12,7 +12,8 @@ from arena.envs.batched import BatchedEnv
 from arena.errors import PolicyError
 from arena.game.ruleset import load
 from arena.game.types import Team
-from policies.networks.appraiser import Appraisal, Appraiser, AppraiserShape
+from policies.networks.appraisal import Appraisal, read_head
+from policies.networks.appraiser import Appraiser, AppraiserShape
 from policies.networks.checkpoint import build_network, check_size, describe, load_checkpoint, save_checkpoint, shape_of
 from policies.networks.features import UPSIDE_DOWN, Encoded, Encoder, upside_down
 from policies.registry import load as load_fighter
@@ -45,7 +46,23 @@ def likely(seed: int = 0) -> NDArray[np.float32]:
 
 
 def appraise(seen: Encoded, models: NDArray[np.float32], *, is_mirrored: bool = False) -> Appraisal:
-    return Appraisal(network(), seen, models, N_WALKERS, is_mirrored=is_mirrored)
+    return appraise_by(network(), seen, models, is_mirrored=is_mirrored)
+
+
+def appraise_by(made: Appraiser, seen: Encoded, models: NDArray[np.float32], *, is_mirrored: bool = False) -> Appraisal:
+    return Appraisal(made, read_head(made), seen, models, N_WALKERS, is_mirrored=is_mirrored)
+
+
+def test_a_plan_is_played_for_what_it_was_learned_to_be_worth() -> None:
+    made, seen, (role, first), models = network(), encoded(), plans(), likely()
+    seen.alive[1, 2] = 0
+    arrays = (seen.planes, seen.scalars, seen.cell, seen.alive, models)
+    with torch.inference_mode():
+        outlook = made.look(*map(torch.from_numpy, arrays), N_WALKERS)
+        learned = made.appraise(outlook, torch.from_numpy(role), torch.from_numpy(first), N_WALKERS).numpy()
+
+    assert learned.std() > 0.1
+    np.testing.assert_allclose(appraise_by(made, seen, models).logits(role, first), learned, rtol=1e-4, atol=1e-5)
 
 
 def test_what_each_unit_does_and_who_the_enemy_is_counts() -> None:
@@ -103,7 +120,7 @@ def test_a_checkpoint_gives_back_the_same_network_and_one_of_other_roles_is_no_f
     assert isinstance(again, Appraiser)
     assert isinstance(build_network(kind, shape), Appraiser)
     np.testing.assert_allclose(
-        Appraisal(again, seen, likely(), N_WALKERS, is_mirrored=False).logits(role, first),
+        appraise_by(again, seen, likely()).logits(role, first),
         appraise(seen, likely()).logits(role, first),
         rtol=1e-4,
     )

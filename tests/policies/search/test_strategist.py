@@ -1,6 +1,5 @@
 """The fighter that plays what a network says plans are worth."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -8,14 +7,13 @@ import pytest
 import torch
 from numpy.typing import NDArray
 from quick import begin_games, decide, play_tick, seat
-from torch import Tensor
 
 from arena.annotations import read_annotations
 from arena.game.ruleset import Ruleset, load
 from arena.game.state import StateField
 from arena.game.types import Action, Team
 from policies.heuristics.role_team import RoleTeam
-from policies.networks.appraiser import Appraiser, Outlook
+from policies.networks.appraiser import Appraiser
 from policies.networks.play_settings import PlaySettings
 from policies.registry import load as load_fighter
 from policies.search.climb import BEST, LAST
@@ -25,27 +23,18 @@ from policies.search.plans import FROM_ROLE
 from policies.search.strategist import Strategist, StrategistFactory, fresh_shape, to_frame
 
 PAPER = load("paper")
-Taste = Callable[[Tensor, Tensor], Tensor]
 
 
-class Fond(Appraiser):
-    """A network that is fond of something: the logit of a plan is what `taste` says of its roles and first steps."""
-
-    def __init__(self, taste: Taste) -> None:
-        super().__init__(fresh_shape(channels=8, blocks=1, patch=5, local=8, hidden=16))
-        self._taste = taste
-
-    def appraise(self, outlook: Outlook, role: Tensor, first: Tensor, n_walkers: int) -> Tensor:
-        del outlook, n_walkers
-        return self._taste(role, first)
-
-
-def fond_of(taste: Taste, temperature: float = 0.0, mirror: bool = False) -> StrategistFactory:
-    return StrategistFactory(Fond(taste), PlaySettings(temperature=temperature, mirror=mirror), "fond")
-
-
-def many(role: Role) -> Taste:
-    return lambda roles, _: (roles == role).float().sum(-1)
+def fond_of(deed: str, which: int | slice, temperature: float = 0.0) -> StrategistFactory:
+    """Return a fighter whose network counts the living units that do something, by their "role", or their "first" steps."""
+    network = Appraiser(fresh_shape(channels=8, blocks=1, patch=5, local=8, hidden=16))
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.zero_()
+        getattr(network, deed)[:, which, 0] = 1
+        for layer in (network.team, network.mix, network.out):
+            layer.weight[0, 0] = 1
+    return StrategistFactory(network, PlaySettings(temperature=temperature), "fond")
 
 
 def untrained(temperature: float = 0.0) -> StrategistFactory:
@@ -66,7 +55,7 @@ def chosen(fighter: object, of_seat: int = 0) -> NDArray[np.int8]:
 @pytest.mark.parametrize("role", [Role.RUSH, Role.GUARD, Role.CHASE])
 def test_every_unit_takes_the_role_that_is_worth_most(team: Team, role: Role) -> None:
     games = begin_games(PAPER, [1, 2])
-    fighter = seat(fond_of(many(role)), PAPER, team, 2)
+    fighter = seat(fond_of("role", role), PAPER, team, 2)
 
     decide(fighter, games.observe()[team])
 
@@ -77,8 +66,8 @@ def test_every_unit_takes_the_role_that_is_worth_most(team: Team, role: Role) ->
 
 def test_what_is_played_is_what_the_roles_order() -> None:
     games = begin_games(PAPER, [4, 5])
-    fighters = {Team.BLUE: seat(fond_of(many(Role.RUSH)), PAPER, Team.BLUE, 2)}
-    fighters[Team.RED] = seat(fond_of(many(Role.GUARD)), PAPER, Team.RED, 2)
+    fighters = {Team.BLUE: seat(fond_of("role", Role.RUSH), PAPER, Team.BLUE, 2)}
+    fighters[Team.RED] = seat(fond_of("role", Role.GUARD), PAPER, Team.RED, 2)
     blue_began, red_began = (games.observe()[team].cell[:, :4] % 20 for team in Team)
     for _ in range(12):
         play_tick(games, fighters)
@@ -92,7 +81,7 @@ def test_what_is_played_is_what_the_roles_order() -> None:
 
 def test_the_blueprints_own_orders_are_given_where_they_are_worth_most() -> None:
     games, blueprint = begin_games(PAPER, [6]), seat(RoleTeam, PAPER, Team.BLUE)
-    fighter = seat(fond_of(lambda _, first: (first != FROM_ROLE).float().sum(-1)), PAPER, Team.BLUE)
+    fighter = seat(fond_of("first", slice(1, None)), PAPER, Team.BLUE)
     rivals = seat(RoleTeam, PAPER, Team.RED)
     for _ in range(30):
         seen = games.observe()
@@ -116,7 +105,7 @@ def test_at_a_temperature_it_plays_by_the_chance_of_its_seat_and_at_0_by_none() 
     seen = games.observe()[Team.BLUE]
 
     def choose(temperature: float, shift: int) -> NDArray[np.int8]:
-        fighter = seat(fond_of(many(Role.RUSH), temperature), PAPER, Team.BLUE, 2)
+        fighter = seat(fond_of("role", Role.RUSH, temperature), PAPER, Team.BLUE, 2)
         decide(fighter, replace(seen, seed=seen.seed + np.uint64(shift)))
         return np.stack([chosen(fighter, of_seat) for of_seat in range(2)])
 
@@ -141,7 +130,7 @@ def test_a_seat_plays_alike_alone_and_among_others() -> None:
 
 def test_where_no_enemy_walks_all_run_for_the_flag_whatever_the_network_says() -> None:
     ruleset = load("exp1")
-    games, fighter = begin_games(ruleset, [15]), seat(fond_of(many(Role.GUARD)), ruleset, Team.BLUE)
+    games, fighter = begin_games(ruleset, [15]), seat(fond_of("role", Role.GUARD), ruleset, Team.BLUE)
     for _ in range(ruleset.tick_limit):
         games.step(decide(fighter, games.observe()[Team.BLUE]))
         if games.is_over.all():
