@@ -77,16 +77,17 @@ class Appraisal:
     def __init__(
         self, network: Appraiser, head: Head, encoded: Encoded, likely: NDArray[np.float32], n_walkers: int, *, is_mirrored: bool
     ) -> None:
-        self._head, self._alive, self._n_walkers = head, encoded.alive, n_walkers
+        self._head, self._work, self._alive, self._n_walkers = head, Work.of(head), encoded.alive, n_walkers
         self._views = [_look(network, encoded, likely, n_walkers)]
         if is_mirrored:
             self._views.append(_look(network, upside_down(encoded), likely, n_walkers))
 
     def logits(self, role: NDArray[np.int64], first: NDArray[np.int64]) -> NDArray[np.float32]:
         """Return the logit of each plan's share of a win, shape (n, plans); the plans are those of `Appraiser.appraise`."""
-        total, work = np.zeros(role.shape[:2], np.float32), Work.of(self._head)
-        for (units, whole), turned in zip(self._views, (first, actions_upside_down(first)), strict=False):
-            _add_logits(units, whole, self._alive, role, turned, self._n_walkers, self._head, work, total)
+        total = np.zeros(role.shape[:2], np.float32)
+        for view, (units, whole) in enumerate(self._views):
+            turned = actions_upside_down(first) if view else first
+            _add_logits(units, whole, self._alive, role, turned, self._n_walkers, self._head, self._work, total)
         return total / np.float32(len(self._views))
 
 
