@@ -17,7 +17,7 @@ from arena.game.observation import Observations
 from arena.game.ruleset import Ruleset
 from arena.game.types import Team
 from arena.policy import BatchPolicy, Orders
-from policies.networks.appraisal import Appraisal, read_head
+from policies.networks.appraisal import Appraisal
 from policies.networks.appraiser import Appraiser, AppraiserShape
 from policies.networks.checkpoint import Checkpoint
 from policies.networks.features import Encoder, mirror
@@ -46,13 +46,14 @@ class Strategist(BatchPolicy):
 
     def __init__(self, ruleset: Ruleset, team: Team, n_seats: int, *, network: Appraiser, play: PlaySettings, name: str) -> None:
         super().__init__(ruleset, team, n_seats)
-        self._network, self._head, self._play = network, read_head(network), play
+        self._temperature = play.temperature
         self._effort = _EFFORT if can_look_ahead(name, ruleset) else _EFFORT._replace(budget=0)
         self.minds = [Mind(ruleset, team, self.n_worlds, 1) for _ in range(n_seats)]
         self.encoder = Encoder(ruleset, team, n_seats)
         self.likely = np.zeros((n_seats, len(NAMES)), np.float32)
         """Shape (n_seats, models): how likely the enemy plays by each, as the network takes it."""
         self._flies = [unit.flies for unit in ruleset.team(team)]
+        self._appraisal = Appraisal(network, self._flies.count(False), is_mirrored=play.mirror)
         self._is_alone = all(unit.flies for unit in ruleset.team(team.other))
         self._notes = [b""] * n_seats
 
@@ -102,15 +103,15 @@ class Strategist(BatchPolicy):
     def _choose(self, seeds: NDArray[np.uint64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
         """Return the role and the first order of each unit, shape (n_seats, units), and what the network makes of that."""
         plans, everyone = [mind.plans[0] for mind in self.minds], np.arange(self.n_seats)
-        is_turned, n_walkers = self.encoder.is_turned[:, None], self._flies.count(False)
-        appraisal = Appraisal(self._network, self._head, self.encoded, self.likely, n_walkers, is_mirrored=self._play.mirror)
-        chance = Draws(seeds, self._play.temperature, max(len(_WHOLE), 1 + len(WALKS), 1 + len(FLIES)))
+        is_turned = self.encoder.is_turned[:, None]
+        self._appraisal.look(self.encoded, self.likely)
+        chance = Draws(seeds, self._temperature, max(len(_WHOLE), 1 + len(WALKS), 1 + len(FLIES)))
 
         def weigh(
             role: NDArray[np.int64], first: NDArray[np.int64], is_kept: NDArray[np.bool_]
         ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
             """Return the logits of some plans of each seat, and which it takes."""
-            logits = appraisal.logits(role, first)
+            logits = self._appraisal.logits(role, first)
             return logits, (logits + _KEPT * is_kept + chance.draw()[:, : len(is_kept)]).argmax(1)
 
         role = np.stack([one.role[_WHOLE] for one in plans]).astype(np.int64)

@@ -12,7 +12,7 @@ from arena.envs.batched import BatchedEnv
 from arena.errors import PolicyError
 from arena.game.ruleset import load
 from arena.game.types import Team
-from policies.networks.appraisal import Appraisal, read_head
+from policies.networks.appraisal import Appraisal
 from policies.networks.appraiser import Appraiser, AppraiserShape
 from policies.networks.checkpoint import build_network, check_size, describe, load_checkpoint, save_checkpoint, shape_of
 from policies.networks.features import UPSIDE_DOWN, Encoded, Encoder, upside_down
@@ -50,7 +50,9 @@ def appraise(seen: Encoded, models: NDArray[np.float32], *, is_mirrored: bool = 
 
 
 def appraise_by(made: Appraiser, seen: Encoded, models: NDArray[np.float32], *, is_mirrored: bool = False) -> Appraisal:
-    return Appraisal(made, read_head(made), seen, models, N_WALKERS, is_mirrored=is_mirrored)
+    appraisal = Appraisal(made, N_WALKERS, is_mirrored=is_mirrored)
+    appraisal.look(seen, models)
+    return appraisal
 
 
 def test_a_plan_is_played_for_what_it_was_learned_to_be_worth() -> None:
