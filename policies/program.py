@@ -19,6 +19,7 @@ import os
 import shlex
 import signal
 import subprocess
+import weakref
 from contextlib import suppress
 from dataclasses import asdict, fields
 from functools import cache
@@ -130,11 +131,14 @@ class Program:
 
 
 class ProgramBot:
-    """One match of a program."""
+    """One match of a program, which ends with a bot that is dropped before the match has ended."""
 
     def __init__(self, command: list[str], idle: list[Program], skipped: SkippedLines | None = None) -> None:
         self._idle = idle
-        self._program: Program | None = idle.pop() if idle else Program(command, skipped)
+        program = idle.pop() if idle else Program(command, skipped)
+        self._program: Program | None = program
+        self._drop = weakref.finalize(self, program.close)
+        self._drop.atexit = False  # the program sees to that itself
 
     def start(self, info: MatchInfo) -> None:
         """Send what the match is played under."""
@@ -158,6 +162,7 @@ class ProgramBot:
         """Send how the match ended; the program is kept for the next."""
         self._send({"type": "end", **result.to_dict()})
         if self._program is not None:
+            self._drop.detach()
             self._idle.append(self._program)
             self._program = None
 
@@ -174,9 +179,8 @@ class ProgramBot:
         return self._program
 
     def _close(self) -> None:
-        if self._program is not None:
-            self._program.close()
-            self._program = None
+        self._drop()
+        self._program = None
 
 
 def load_program(command_line: str) -> MakeBot:

@@ -28,7 +28,7 @@ from policies.training.clone import Teacher, as_legal
 from policies.training.demonstrations import CERTAIN, UNKNOWN, DemonstrationFolder, Demonstrations
 from policies.training.gather import gather
 from policies.training.gather_settings import GatherSettings
-from policies.training.opponents import BEST, PAST, Opponents, check_self_play
+from policies.training.opponents import BEST, PAST, Opponents
 from policies.training.record import ReportProgress
 from policies.training.rollout import LearnerSeats, Results
 from policies.training.settings import check_range
@@ -74,7 +74,6 @@ def check(settings: DemonstrationSettings) -> Ruleset:
         Somebody cannot, or is not there.
     """
     ruleset = settings.load_rules()
-    check_self_play(ruleset, settings.opponents)
     teacher = load(settings.teacher)
     if isinstance(teacher, type) and issubclass(teacher, Planner) and ruleset.side > MOST_SIDE:
         raise InputError(

@@ -4,11 +4,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
-from arena.errors import InputError
 from arena.game.ruleset import Ruleset, load, parse_overrides
-from arena.game.types import Team
 from policies.registry import load as load_fighter
-from policies.training.opponents import SELF
+from policies.training.opponents import SELF, check_learner
 from policies.training.settings import MOST_SEED, check_range, check_shares, merge_shares, read_values
 
 
@@ -47,11 +45,10 @@ class GatherSettings:
         Raises
         ------
         InputError
-            Blue has no units, or somebody is not there.
+            Blue has no units, one network cannot play both teams, or somebody is not there.
         """
         ruleset = load(self.rules)
-        if not ruleset.team(Team.BLUE):
-            raise InputError(f"ruleset {ruleset.name}: blue has no units to show anything with")
+        check_learner(ruleset, self.opponents)
         for name in self.opponents:
             if name != SELF:
                 load_fighter(name)

@@ -67,15 +67,17 @@ def prioritise(shares: Mapping[str, float], scores: Mapping[str, float], power: 
     return {name: weights[name] * by if name in weights else share for name, share in shares.items()}
 
 
-def check_self_play(ruleset: Ruleset, shares: Mapping[str, float]) -> None:
-    """Refuse matches of the learner against itself under a ruleset whose teams are not alike.
+def check_learner(ruleset: Ruleset, shares: Mapping[str, float]) -> None:
+    """Refuse a ruleset under which the learner has nothing to play, or cannot play itself as its share of the matches asks.
 
     Raises
     ------
     InputError
-        It would play them, and a team has other units than the other.
+        Blue, which the learner plays in every row, has no units; or it meets itself, and a team has other units than the other.
     """
     blue, red = (ruleset.team(team) for team in Team)
+    if not blue:
+        raise InputError(f"ruleset {ruleset.name}: blue has no units to train")
     if red and shares.get(SELF) and [unit.flies for unit in blue] != [unit.flies for unit in red]:
         raise InputError(
             f"ruleset {ruleset.name}: the teams have other units, so one network cannot play both; give --set opponents.{SELF}=0"

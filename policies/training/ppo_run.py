@@ -29,7 +29,7 @@ from policies.networks.models import TeamNetwork, TeamShape
 from policies.registry import load
 from policies.training.clone import Teacher, clone
 from policies.training.folder import LAST, START, STEP
-from policies.training.opponents import BEST, NOBODY, PAST, SELF, Newest, Opponents, Pool, assign, check_self_play, prioritise
+from policies.training.opponents import BEST, NOBODY, PAST, SELF, Newest, Opponents, Pool, assign, check_learner, prioritise
 from policies.training.ppo import Learner, schedule
 from policies.training.ppo_settings import PpoSettings
 from policies.training.record import Record
@@ -81,9 +81,7 @@ class PpoRun(TrainingRun[PpoSettings]):
         settings, start, processes = self.settings, self.start, self.processes
         self._rulesets = {name: load_rules(name) for name in settings.shares()}
         for ruleset in self._rulesets.values():
-            if not ruleset.team(Team.BLUE):
-                raise InputError(f"ruleset {ruleset.name}: blue has no units to train")
-            check_self_play(ruleset, settings.opponents)
+            check_learner(ruleset, settings.opponents)
         if settings.games < processes.n:
             raise InputError(f"the setting games is {settings.games}; {processes.n} processes need a row each")
         self._teachers = _teachers(start, settings)

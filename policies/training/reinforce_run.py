@@ -23,7 +23,7 @@ from policies.networks.models import PaperTeam
 from policies.registry import load
 from policies.training.curriculum import PROGRESS, check_start
 from policies.training.folder import LAST, STEP
-from policies.training.opponents import SELF
+from policies.training.opponents import SELF, check_learner
 from policies.training.record import Record
 from policies.training.reinforce import METRICS, Reinforcer
 from policies.training.reinforce_settings import ReinforceSettings
@@ -55,15 +55,14 @@ class ReinforceRun(TrainingRun[ReinforceSettings]):
 
     def _begin(self, device: str) -> None:
         settings, start, processes = self.settings, self.start, self.processes
-        n_units = len(self.ruleset.team(Team.BLUE))
-        if not n_units:
-            raise InputError(f"ruleset {self.ruleset.name}: blue has no units to train")
+        check_learner(self.ruleset, {})
         if settings.update_every < processes.n:
             raise InputError(f"update_every is {settings.update_every}; {processes.n} processes need a match each")
         if settings.opponent != SELF:
             load(settings.opponent)  # who is not there is refused before the run has a folder
         torch.manual_seed(settings.seed)
-        network = PaperTeam(settings.window, settings.agents(n_units), settings.planes, settings.edge_code)
+        agents = settings.agents(len(self.ruleset.team(Team.BLUE)))
+        network = PaperTeam(settings.window, agents, settings.planes, settings.edge_code)
         if start:
             _transfer(Path(start), self.ruleset.name, network)
         self.learner = Reinforcer(network, settings, processes, device)

@@ -141,6 +141,13 @@ def test_an_answer_may_hold_a_log_and_drawings_beside_the_orders(is_kept: bool, 
     assert noted == {"log": ["tick", "by tick"] * is_kept, "draw": [drawn] * is_kept}
 
 
+def await_end(pid: object) -> None:
+    stat, end_s = Path(f"/proc/{pid}/stat"), time.monotonic() + WAIT_S
+    while stat.exists() and ") Z " not in stat.read_text():  # a zombie waits for whoever adopts orphans here
+        assert time.monotonic() < end_s
+        os.sched_yield()
+
+
 def test_its_children_end_with_it(tmp_path: Path) -> None:
     file = tmp_path / "parent.sh"
     file.write_text("sleep 1000 &\necho $!\nwait\n")
@@ -149,10 +156,16 @@ def test_its_children_end_with_it(tmp_path: Path) -> None:
 
     running.close()
 
-    stat, end_s = Path(f"/proc/{child}/stat"), time.monotonic() + WAIT_S
-    while stat.exists() and ") Z " not in stat.read_text():  # a zombie waits for whoever adopts orphans here
-        assert time.monotonic() < end_s
-        os.sched_yield()
+    await_end(child)
+
+
+def test_it_ends_with_seats_that_are_given_up_in_the_middle_of_a_match(sit: Sit, games: BatchedGame, tmp_path: Path) -> None:
+    policy = sit("print([0] * 6, flush=True)")
+    ask(policy, games)
+
+    del policy
+
+    await_end(heard(tmp_path, 1)[0]["pid"])
 
 
 @pytest.mark.parametrize(

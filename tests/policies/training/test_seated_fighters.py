@@ -17,7 +17,7 @@ from arena.game.types import Team, Termination
 from arena.policy import BatchPolicy, MatchResult, Orders
 from policies.networks.models import TeamNetwork, TeamShape
 from policies.training.clone import Teacher, collect_lesson
-from policies.training.opponents import Newest, Seated, check_self_play
+from policies.training.opponents import Newest, Seated, check_learner
 from policies.training.rollout import Results, collect
 
 SMALL = TeamShape(channels=8, blocks=1, patch=5, local=8, hidden=16)
@@ -111,6 +111,6 @@ def test_one_network_does_not_play_both_of_two_teams_that_differ() -> None:
     other = PAPER.with_({"units": {"ugv": {"red": 3}, "uav": {"red": 3}}})
 
     with pytest.raises(InputError, match="the teams have other units, so one network cannot play both"):
-        check_self_play(other, {"self": 0.1, "rush": 0.9})
-    check_self_play(other, {"rush": 1.0})
-    check_self_play(PAPER, {"self": 1.0})
+        check_learner(other, {"self": 0.1, "rush": 0.9})
+    check_learner(other, {"rush": 1.0})
+    check_learner(PAPER, {"self": 1.0})
