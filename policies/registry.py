@@ -4,7 +4,8 @@ What a worker process is sent is the name; it loads the fighter itself.
 """
 
 import ast
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -53,6 +54,8 @@ REFERENCES = {
 }
 """Cheats: the local venue shows them the whole board. They are never rated, and no other venue seats them."""
 CHECKPOINT = ".safetensors"
+_BETWEEN = re.compile(r",(?!\w+=)")
+"""A comma that no setting follows."""
 TRAINED = {
     "champion": "A network that says what a plan is worth, and chooses among some fifty a tick: taught by playouts.",
     "reflex": "A network that orders straight away, in one pass for all units: taught by scripts, itself and `planner-fast`.",
@@ -129,6 +132,16 @@ def split_settings(spec: str) -> tuple[str, str]:
         file, has_settings, _ = spec.partition(f"{CHECKPOINT}:")
         base = file + CHECKPOINT if has_settings and not spec.startswith(PREFIX) else spec
     return base, spec.removeprefix(base)
+
+
+def read_specs(given: Iterable[str]) -> list[str]:
+    """Return the fighters that an option names, each once; it may be repeated, and name several, divided by commas.
+
+    The commas between settings, as in `reflex:temperature=0,mirror=false`, divide no names, nor do those in a program's command
+    line (`exec:`), which stands alone.
+    """
+    specs = (spec.strip() for text in given for spec in ([text] if text.startswith(PREFIX) else _BETWEEN.split(text)))
+    return list(dict.fromkeys(spec for spec in specs if spec))
 
 
 def without_settings(spec: str) -> str:

@@ -25,6 +25,19 @@ def test_an_unknown_name_gets_the_nearest() -> None:
         registry.load("patroll")
 
 
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        (["rush, patrol", "squad", "rush"], ["rush", "patrol", "squad"]),
+        (["reflex:temperature=0,mirror=false,planner:2000"], ["reflex:temperature=0,mirror=false", "planner:2000"]),
+        (["exec:fight --of a,b", "rush"], ["exec:fight --of a,b", "rush"]),
+        ([" , "], []),
+    ],
+)
+def test_several_fighters_are_named_in_one_option_or_in_several(given: list[str], meant: list[str]) -> None:
+    assert registry.read_specs(given) == meant
+
+
 def test_a_name_that_is_too_long_for_a_file_is_unknown() -> None:
     with pytest.raises(UnknownNameError, match="unknown policy 'xxx"):
         registry.load("x" * 300)

@@ -16,7 +16,7 @@ from arena.local.venue import MatchRecord, OnNews, play
 from arena.policy import BatchFactory, BatchPolicy, Orders
 from arena.records.journal import journal_name
 from arena.records.plan import MatchPlan
-from policies.registry import SCRIPTS, load, load_entry, names, shipped
+from policies.registry import SCRIPTS, load, load_entry, names, read_specs, shipped
 from policies.workers.files import resolve
 from tournaments.authoring.turn_times import TurnTimes
 from tournaments.fixture import Tally, plan_fixture, tally
@@ -64,14 +64,15 @@ class Encounter:
         }
 
 
-def find_opponents(bot: str, against: str | None) -> tuple[list[str], list[str]]:
+def find_opponents(bot: str, against: Sequence[str] | None) -> tuple[list[str], list[str]]:
     """Return whom a bot meets, and sentences on those who are left out.
 
     Parameters
     ----------
     against
-        Names divided by commas; without it, all shipped fighters that can be loaded here, the bot itself apart. Of the planners,
-        which are one fighter with three budgets, only the fastest: the others would take longer than all else together.
+        As `policies.registry.read_specs` takes it; without it, all shipped fighters that can be loaded here, the bot itself
+        apart. Of the planners, which are one fighter with three budgets, only the fastest: the others would take longer than all
+        else together.
 
     Raises
     ------
@@ -79,9 +80,11 @@ def find_opponents(bot: str, against: str | None) -> tuple[list[str], list[str]]
         Nobody is named, or somebody who is no fighter.
     """
     if against is not None:
-        opponents = list(dict.fromkeys(name.strip() for name in against.split(",") if name.strip()))
+        opponents = read_specs(against)
         if not opponents:
-            raise InputError(f"--against is {against!r}; it must name fighters, divided by commas: arena policies lists them")
+            raise InputError(
+                f"--against is {','.join(against)!r}; it must name fighters, divided by commas: arena policies lists them"
+            )
         for name in opponents:
             if name not in names():
                 raise UnknownNameError("policy", name, names())

@@ -8,14 +8,16 @@ from arena.console import AsJson, complete_ruleset, print_json, print_table, pro
 from arena.errors import InputError
 from policies.cli import complete_policy
 
+_USUAL = ["random", "patrol", "defend", "spiral", "roomba", "rush", "fighter"]
+
 
 def evaluate(
     checkpoint: Annotated[
         str, typer.Argument(metavar="CHECKPOINT", autocompletion=complete_policy, help="A file, or a fighter.")
     ],
     against: Annotated[
-        str, typer.Option(metavar="A,B,...", help="Whom it meets.")
-    ] = "random,patrol,defend,spiral,roomba,rush,fighter",
+        list[str], typer.Option(metavar="A,B,...", autocompletion=complete_policy, help="Whom it meets; may be repeated.")
+    ] = _USUAL,
     pairs: Annotated[
         int, typer.Option(min=2, max=1_000_000, help="Maps per opponent; each is played twice, sides swapped.")
     ] = 500,
@@ -41,14 +43,16 @@ def evaluate(
     from arena.game.ruleset import parse_overrides
     from arena.game.types import Team
     from policies.precompile import fighter_kernels
-    from policies.registry import load, set_more
+    from policies.registry import load, read_specs, set_more
     from tournaments.evaluation.evaluate import CANDIDATE
     from tournaments.evaluation.evaluate import evaluate as play_all
     from tournaments.evaluation.solo import play_alone
 
-    opponents = list(dict.fromkeys(name.strip() for name in against.split(",") if name.strip()))
+    opponents = read_specs(against)
     if not opponents or CANDIDATE in opponents:
-        raise InputError(f"--against is {against!r}; it must name fighters, divided by commas, and none called {CANDIDATE}")
+        raise InputError(
+            f"--against is {','.join(against)!r}; it must name fighters, divided by commas, and none called {CANDIDATE}"
+        )
     changes = parse_overrides(settings or [])
     play = changes.pop("play", {})
     if not isinstance(play, dict):

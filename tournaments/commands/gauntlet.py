@@ -19,7 +19,12 @@ def gauntlet(
         str, typer.Argument(metavar="BOT", autocompletion=complete_policy, help="A bot file, its folder, or exec:COMMAND.")
     ],
     against: Annotated[
-        str | None, typer.Option(metavar="A,B,...", help="Whom it meets; all shipped fighters without it, slower planners apart.")
+        list[str] | None,
+        typer.Option(
+            metavar="A,B,...",
+            autocompletion=complete_policy,
+            help="Whom it meets; may be repeated. All shipped fighters without it, slower planners apart.",
+        ),
     ] = None,
     pairs: Annotated[int, typer.Option(min=1, max=100_000, help="Maps per opponent; each is played twice, sides swapped.")] = 20,
     rules: Annotated[str, typer.Option(metavar="NAME|FILE.toml", autocompletion=complete_ruleset, help="The ruleset.")] = "paper",

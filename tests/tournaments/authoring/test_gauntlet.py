@@ -167,11 +167,11 @@ def test_a_network_that_cannot_be_loaded_here_is_left_out_and_named(monkeypatch:
 
 def test_opponents_that_are_none_are_refused() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'rush'"):
-        find_opponents("mybot.py", "patrol,rsh")
+        find_opponents("mybot.py", ["patrol,rsh"])
     with pytest.raises(InputError, match="it must name fighters"):
-        find_opponents("mybot.py", " , ")
+        find_opponents("mybot.py", [" , "])
     with pytest.raises(InputError, match="unknown policy 'oracle_rush'"):
-        find_opponents("mybot.py", "oracle_rush")
+        find_opponents("mybot.py", ["oracle_rush"])
 
 
 def test_a_bot_is_called_as_its_file_or_its_folder_and_as_no_opponent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

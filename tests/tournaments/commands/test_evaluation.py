@@ -92,6 +92,13 @@ def test_a_list_that_names_nobody_is_refused(against: str) -> None:
     assert "--against" in str(done.exception)
 
 
+def test_opponents_are_named_by_one_option_or_by_several() -> None:
+    named = ("--against", "random,patrol", "--against", "planner:budget=40,hold=12")
+    done = CliRunner().invoke(app, ["evaluate", "rush", *named, "--pairs", "2", "--workers", "1", "--json"])
+
+    assert list(json.loads(done.stdout)["against"]) == ["random", "patrol", "planner:budget=40,hold=12"]
+
+
 def test_json_is_one_document() -> None:
     done = CliRunner().invoke(app, ["evaluate", "rush", "--against", "random", "--pairs", "2", "--workers", "1", "--json"])
 
