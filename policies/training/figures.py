@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ _NEWEST = 2_000
 _SMOOTH = 500
 """Episodes of the running mean that a curve shows."""
 _N_POINTS = 150
+_LABEL_LETTERS, _LINE_INCHES = 90, 0.2
+"""Of a line below a chart, the most letters, and its height."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -203,12 +206,14 @@ def draw(title: str, curves: Sequence[Curve]) -> bytes:
 
     chart = io.BytesIO()
     with style.context("tableau-colorblind10"), rc_context({"svg.fonttype": "none", "svg.hashsalt": title}):
-        figure = Figure(figsize=(7.2, 4), layout="constrained")
+        labels = ["\n".join(wrap(line.label, _LABEL_LETTERS)) for line in curves]
+        n_lines = sum(1 + label.count("\n") for label in labels)
+        figure = Figure(figsize=(7.2, 4 + _LINE_INCHES * n_lines), layout="constrained")
         axes = figure.add_subplot(title=title, xlabel="episodes", ylabel="score of the team that learns", ylim=(-100, 100))
-        for number, line in enumerate(curves):
+        for number, (line, label) in enumerate(zip(curves, labels, strict=True)):
             axes.fill_between(line.x, line.low, line.high, alpha=0.2)
-            axes.plot(line.x, line.middle, label=line.label, gid=f"curve{number}")
-        axes.legend()
+            axes.plot(line.x, line.middle, label=label, gid=f"curve{number}")
+        figure.legend(loc="outside lower left")  # below the axes: a reading with many switches takes some lines
         figure.savefig(chart, format="svg", metadata={"Date": None})
     return chart.getvalue()
 

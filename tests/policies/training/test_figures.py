@@ -94,6 +94,19 @@ def test_every_figure_is_drawn_from_the_runs_of_its_stages(tmp_path: Path) -> No
     assert len(summaries) == 4
 
 
+def test_a_reading_with_many_switches_leaves_the_chart_its_room(tmp_path: Path) -> None:
+    switches = {"batch": 20000, "warmup": 20, "reward": "differences", "stall": -30.0, "discount_steps": False, "window": 21}
+    leave_run(tmp_path / "long", "exp1", 1, [0.0] * 200, **switches, standardise="trajectory", codes="signed", edge="obstacle")
+    leave_run(tmp_path / "short", "exp1", 1, [0.0] * 200)
+    write_figures(read_traces([tmp_path]), tmp_path / "out")
+    drawn = ElementTree.parse(tmp_path / "out" / "figure4.svg")
+    axes = drawn.find(f".//{SVG}g[@id='patch_2']/{SVG}path")
+    assert axes is not None
+    across = [float(point.split()[0]) for point in axes.get("d", "").removeprefix("M").rstrip("z ").split("L")]
+
+    assert max(across) - min(across) > 0.7 * float(drawn.getroot().get("viewBox", "").split()[2])
+
+
 def test_higher_scores_stand_higher(tmp_path: Path) -> None:
     leave_run(tmp_path / "run", "exp1", 1, [-100.0] * 100 + [100.0] * 200)
     write_figures(read_traces([tmp_path]), tmp_path / "out")
