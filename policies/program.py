@@ -118,16 +118,24 @@ class Program:
 
     def close(self) -> None:
         """Close its stdin, and end it and all its children if that is not enough."""
-        atexit.unregister(self.close)
-        for pipe in self._pipes:
-            with suppress(OSError):
-                pipe.close()
+        self._close_pipes()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_EXIT_WAIT_S)
+        self.kill()
+
+    def kill(self) -> None:
+        """End it and all its children at once."""
+        atexit.unregister(self.close)
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process.pid, signal.SIGKILL)
         groups.forget(self._process.pid)
         self._process.wait()
+        self._close_pipes()
+
+    def _close_pipes(self) -> None:
+        for pipe in self._pipes:
+            with suppress(OSError):
+                pipe.close()
 
 
 class ProgramBot:
@@ -137,7 +145,7 @@ class ProgramBot:
         self._idle = idle
         program = idle.pop() if idle else Program(command, skipped)
         self._program: Program | None = program
-        self._drop = weakref.finalize(self, program.close)
+        self._drop = weakref.finalize(self, program.kill)
         self._drop.atexit = False  # the program sees to that itself
 
     def start(self, info: MatchInfo) -> None:
@@ -179,8 +187,10 @@ class ProgramBot:
         return self._program
 
     def _close(self) -> None:
-        self._drop()
-        self._program = None
+        if self._program is not None:
+            self._drop.detach()
+            self._program.close()
+            self._program = None
 
 
 def load_program(command_line: str) -> MakeBot:
