@@ -206,7 +206,7 @@ def test_our_fighters_and_programs_are_compared_alone(debug: Run, journal: Path,
 
 def test_what_our_fighters_and_programs_note_at_a_tick_is_shown(debug: Run, journal: Path, tmp_path: Path) -> None:
     (tmp_path / "notes.py").write_text(
-        "import json, sys\nfor line in map(json.loads, sys.stdin):\n"
+        "import json\nfor line in map(json.loads, iter(input, '')):\n"
         "    if line['type'] == 'observation': print(json.dumps({'orders': [0] * len(line['units']), 'log': line['tick'] * 'x',"
         " 'draw': [{'cell': [0, line['tick']]}]}), flush=True)\n"
     )
